@@ -1,0 +1,9 @@
+//! Ashfall draws volumes that fit in no memory: an out-of-core volume renderer on Vulkan.
+//!
+//! Start at [`scene`] for what can be drawn, at [`render`] for how a frame is made, and at
+//! `docs/ARCHITECTURE.md` for the rooms and what is deliberately absent from each.
+
+pub mod cli;
+pub mod error;
+pub mod scene;
+pub mod volume;

@@ -1,0 +1,5 @@
+//! The command line; see `ashfall --help`.
+
+fn main() -> std::process::ExitCode {
+    ashfall::cli::main()
+}

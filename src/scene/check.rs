@@ -1,0 +1,513 @@
+//! From the file as written to a scene that cannot be wrong.
+
+use std::collections::HashSet;
+use std::ops::Range;
+use std::path::Path;
+
+use glam::DVec3;
+use toml::Spanned;
+
+use crate::error::{Error, Result};
+use crate::scene::file::{ChannelFile, RawFile, SceneFile, SourceFile, ViewFile, VolumeFile};
+use crate::scene::{
+    Channel, Filter, Integrator, Memory, Overrides, Picture, Place, Projection, Quality, Refine,
+    Scene, Source, TransferFunction, TransferPoint, View, Volume,
+};
+use crate::volume::{RawLayout, Size3, VoxelFormat, WorldFromVoxel};
+
+/// Pixels along one side: what every Vulkan device's limits and our picture buffers can hold.
+const PICTURE_EDGE_PIXELS_MAX: i64 = 32_768;
+/// Voxels along one axis: positions keep their integer part in 31 bits with room for differences.
+const VOLUME_EDGE_VOXELS_MAX: i64 = 1 << 24;
+/// Channels of one volume drawn in one pass.
+const CHANNELS_MAX: usize = 16;
+
+impl Scene {
+    /// Reads and checks a scene file.
+    ///
+    /// # Errors
+    /// Exit code 3 at a place in the file, or 2 at a flag, with the remedy.
+    pub fn load(path: &Path, overrides: &Overrides) -> Result<Scene> {
+        let bytes = std::fs::read(path)
+            .map_err(|why| Error::input(format!("{}: cannot be read: {why}", path.display())))?;
+        let text = String::from_utf8(bytes).map_err(|why| {
+            let at = why.utf8_error().valid_up_to();
+            Error::input(format!(
+                "{}: is not text: byte {at} is not UTF-8; a scene is a TOML file",
+                path.display()
+            ))
+        })?;
+        Scene::from_toml(&text, path, overrides)
+    }
+
+    /// Checks a scene given as text; `path` is named in messages and anchors relative paths.
+    ///
+    /// # Errors
+    /// As [`Scene::load`].
+    pub fn from_toml(text: &str, path: &Path, overrides: &Overrides) -> Result<Scene> {
+        let check = Check { path, text };
+        let file: SceneFile = toml::from_str(text).map_err(|why| {
+            let place = check.place(&why.span().unwrap_or(0..0));
+            place.error(why.message().trim().replace('\n', ", "))
+        })?;
+        check.scene(file, overrides)
+    }
+}
+
+/// A value and where it was said.
+struct Located<T> {
+    value: T,
+    place: Place,
+}
+
+struct Check<'a> {
+    path: &'a Path,
+    text: &'a str,
+}
+
+impl Check<'_> {
+    fn place(&self, span: &Range<usize>) -> Place {
+        Place::in_file(self.path, self.text, span)
+    }
+
+    fn start(&self) -> Place {
+        self.place(&(0..0))
+    }
+
+    fn located<T>(&self, value: Spanned<T>) -> Located<T> {
+        let place = self.place(&value.span());
+        Located { value: value.into_inner(), place }
+    }
+
+    /// The flag's value, else the file's, else the default.
+    fn pick<T>(
+        &self,
+        flag: Option<T>,
+        name: &'static str,
+        file: Option<Spanned<T>>,
+        default: T,
+    ) -> Located<T> {
+        self.pick_optional(flag, name, file)
+            .unwrap_or_else(|| Located { value: default, place: self.start() })
+    }
+
+    fn pick_optional<T>(
+        &self,
+        flag: Option<T>,
+        name: &'static str,
+        file: Option<Spanned<T>>,
+    ) -> Option<Located<T>> {
+        match flag {
+            Some(value) => Some(Located { value, place: Place::Flag(name) }),
+            None => file.map(|value| self.located(value)),
+        }
+    }
+
+    fn scene(&self, file: SceneFile, overrides: &Overrides) -> Result<Scene> {
+        match file.format.map(|format| self.located(format)) {
+            None => {
+                return Err(self
+                    .start()
+                    .error("a scene starts with `format = 1`, which is missing"));
+            }
+            Some(format) if format.value != 1 => {
+                return Err(format.place.error(format!(
+                    "format {} is not known: this program reads format 1",
+                    format.value
+                )));
+            }
+            Some(_) => {}
+        }
+        let picture = self.picture(file.picture, overrides)?;
+        let quality = self.quality(file.quality, overrides)?;
+        let memory = self.memory(file.memory, overrides)?;
+        if file.volume.is_empty() {
+            return Err(self.start().error("a scene needs at least one [[volume]]"));
+        }
+        if file.view.is_empty() {
+            return Err(self.start().error("a scene needs at least one [[view]]"));
+        }
+        let mut names = HashSet::new();
+        let mut volumes = Vec::new();
+        for (index, volume) in file.volume.into_iter().enumerate() {
+            let place = self.place(&volume.span());
+            let volume = self.volume(index, self.located(volume))?;
+            if !names.insert(volume.name.clone()) {
+                return Err(place.error(format!("two volumes are named \"{}\"", volume.name)));
+            }
+            volumes.push(volume);
+        }
+        names.clear();
+        let mut views = Vec::new();
+        for (index, view) in file.view.into_iter().enumerate() {
+            let place = self.place(&view.span());
+            let view = self.view(index, self.located(view))?;
+            if !names.insert(view.name.clone()) {
+                return Err(place.error(format!("two views are named \"{}\"", view.name)));
+            }
+            views.push(view);
+        }
+        Ok(Scene { picture, quality, memory, volumes, views })
+    }
+
+    fn picture(&self, file: super::file::PictureFile, overrides: &Overrides) -> Result<Picture> {
+        let size = self.pick(
+            overrides.size.map(|size| size.map(i64::from)),
+            "--size",
+            file.size,
+            [512, 512],
+        );
+        if !size.value.iter().all(|edge| (1..=PICTURE_EDGE_PIXELS_MAX).contains(edge)) {
+            return Err(size.place.error(format!(
+                "picture size must be 1 to {PICTURE_EDGE_PIXELS_MAX} pixels a side, got {} x {}",
+                size.value[0], size.value[1]
+            )));
+        }
+        let background = self.pick(overrides.background, "--background", file.background, [0.0; 3]);
+        let in_range = |c: &f64| (0.0..=f64::from(f32::MAX)).contains(c);
+        if !background.value.iter().all(in_range) {
+            return Err(background.place.error(format!(
+                "background must be finite and not negative, got {:?}",
+                background.value
+            )));
+        }
+        Ok(Picture {
+            size: size.value.map(|edge| edge as u32),
+            background: background.value.map(|c| c as f32),
+        })
+    }
+
+    fn quality(&self, file: super::file::QualityFile, overrides: &Overrides) -> Result<Quality> {
+        let integrator = self.pick(
+            overrides.integrator.clone(),
+            "--integrator",
+            file.integrator,
+            "riemann".to_owned(),
+        );
+        let integrator = match integrator.value.as_str() {
+            "riemann" => Integrator::Riemann,
+            "preintegrated" | "adaptive" => {
+                return Err(integrator.place.error(format!(
+                    "integrator \"{}\" is not built yet: use \"riemann\"",
+                    integrator.value
+                )));
+            }
+            other => {
+                return Err(integrator
+                    .place
+                    .error(format!("integrator \"{other}\" is not known: use \"riemann\"")));
+            }
+        };
+        if let Some(tolerance) =
+            self.pick_optional(overrides.tolerance, "--tolerance", file.tolerance)
+        {
+            return Err(tolerance.place.error(
+                "tolerance belongs to the integrator \"adaptive\", which is not built yet: leave it out and set step",
+            ));
+        }
+        let step = self.pick(overrides.step, "--step", file.step, 0.5);
+        if !(1e-6..=1e6).contains(&step.value) {
+            return Err(step.place.error(format!(
+                "step must be within 1e-6 and 1e6 voxel edges, got {}",
+                step.value
+            )));
+        }
+        let filter =
+            self.pick(overrides.filter.clone(), "--filter", file.filter, "exact".to_owned());
+        let filter = match filter.value.as_str() {
+            "exact" => Filter::Exact,
+            "hardware" => Filter::Hardware,
+            other => {
+                return Err(filter.place.error(format!(
+                    "filter \"{other}\" is not known: use \"exact\" or \"hardware\""
+                )));
+            }
+        };
+        let refine =
+            self.pick(overrides.refine.clone(), "--refine", file.refine, "exact".to_owned());
+        let refine = match refine.value.as_str() {
+            "exact" => Refine::Exact,
+            "substitute" => Refine::Substitute,
+            other => {
+                return Err(refine.place.error(format!(
+                    "refine \"{other}\" is not known: use \"exact\" or \"substitute\""
+                )));
+            }
+        };
+        let level_max = self
+            .pick_optional(overrides.level_max, "--level-max", file.level_max)
+            .map(|level| {
+                u8::try_from(level.value).ok().filter(|&level| level < 32).ok_or_else(|| {
+                    level.place.error(format!("level_max must be 0 to 31, got {}", level.value))
+                })
+            })
+            .transpose()?;
+        let early_stop = self.pick(overrides.early_stop, "--early-stop", file.early_stop, 0.0005);
+        if !(0.0..1.0).contains(&early_stop.value) {
+            return Err(early_stop.place.error(format!(
+                "early_stop must be at least 0 (never) and less than 1, got {}",
+                early_stop.value
+            )));
+        }
+        Ok(Quality {
+            integrator,
+            step: step.value,
+            filter,
+            refine,
+            level_max,
+            early_stop: early_stop.value,
+        })
+    }
+
+    fn memory(&self, file: super::file::MemoryFile, overrides: &Overrides) -> Result<Memory> {
+        let mib = |flag, name, file, key: &str, default| {
+            let picked = self.pick(flag, name, file, default);
+            u64::try_from(picked.value).ok().filter(|mib| (1..=1 << 24).contains(mib)).ok_or_else(
+                || {
+                    picked.place.error(format!(
+                        "{key} must be 1 to {} MiB, got {}",
+                        1 << 24,
+                        picked.value
+                    ))
+                },
+            )
+        };
+        Ok(Memory {
+            atlas_mib: mib(overrides.atlas_mib, "--atlas-mib", file.atlas_mib, "atlas_mib", 256)?,
+            ram_mib: mib(overrides.ram_mib, "--ram-mib", file.ram_mib, "ram_mib", 1024)?,
+            staging_mib: mib(
+                overrides.staging_mib,
+                "--staging-mib",
+                file.staging_mib,
+                "staging_mib",
+                16,
+            )?,
+        })
+    }
+
+    fn volume(&self, index: usize, file: Located<VolumeFile>) -> Result<Volume> {
+        let Located { value: file, place } = file;
+        let name = match file.name.map(|name| self.located(name)) {
+            None => format!("volume {index}"),
+            Some(name) if name.value.trim().is_empty() => {
+                return Err(name.place.error("a volume's name must not be empty"));
+            }
+            Some(name) => name.value,
+        };
+        let refuse = |place: &Place, why: &str| place.error(format!("volume \"{name}\": {why}"));
+        let Some(source) = file.source.map(|source| self.located(source)) else {
+            return Err(refuse(&place, "source is missing: name a file or { computed = \"...\" }"));
+        };
+        let source_place = source.place;
+        let source = match source.value {
+            SourceFile::Path(path) if path.is_empty() => {
+                return Err(refuse(&source_place, "source must not be empty"));
+            }
+            SourceFile::Path(path) => {
+                let raw = file.raw.map(|raw| self.raw(&name, raw.into_inner())).transpose()?;
+                let folder = self.path.parent().unwrap_or(Path::new(""));
+                Source::File { path: folder.join(path), raw }
+            }
+            SourceFile::Computed(computed) => {
+                if let Some(raw) = file.raw {
+                    return Err(refuse(
+                        &self.place(&raw.span()),
+                        "raw belongs to a raw file, not to a computed source",
+                    ));
+                }
+                let size = self.size3(&name, self.located(computed.size))?;
+                Source::Computed { kind: computed.computed.into_inner(), size }
+            }
+        };
+        let spacing = file.spacing.map(|spacing| self.located(spacing));
+        let transform = file.transform.map(|transform| self.located(transform));
+        let world_from_voxel = match (spacing, transform) {
+            (Some(_), Some(transform)) => {
+                return Err(refuse(&transform.place, "give spacing or transform, not both"));
+            }
+            (Some(spacing), None) => Some(
+                WorldFromVoxel::from_spacing(spacing.value)
+                    .map_err(|why| refuse(&spacing.place, &why.message))?,
+            ),
+            (None, Some(transform)) => Some(
+                WorldFromVoxel::from_rows(transform.value)
+                    .map_err(|why| refuse(&transform.place, &why.message))?,
+            ),
+            (None, None) => None,
+        };
+        if file.channel.is_empty() {
+            return Err(refuse(&place, "needs at least one [[volume.channel]]"));
+        }
+        if file.channel.len() > CHANNELS_MAX {
+            return Err(refuse(
+                &place,
+                &format!("shows {} channels, at most {CHANNELS_MAX} at once", file.channel.len()),
+            ));
+        }
+        let mut channels = Vec::new();
+        let mut indices = HashSet::new();
+        for (position, channel) in file.channel.into_iter().enumerate() {
+            let place = self.place(&channel.span());
+            let channel = self.channel(&name, position, self.located(channel))?;
+            if !indices.insert(channel.index) {
+                return Err(refuse(&place, &format!("shows channel {} twice", channel.index)));
+            }
+            channels.push(channel);
+        }
+        Ok(Volume { name, source, world_from_voxel, channels, place: source_place })
+    }
+
+    fn raw(&self, volume: &str, file: RawFile) -> Result<RawLayout> {
+        let size = self.size3(volume, self.located(file.size))?;
+        let format = self.located(file.format);
+        let known = VoxelFormat::from_name(&format.value)
+            .filter(|format| *format != VoxelFormat::Rgba8)
+            .ok_or_else(|| {
+                format.place.error(format!(
+                    "volume \"{volume}\": raw type \"{}\" is not known: use u8, u16, i16 or f32",
+                    format.value
+                ))
+            })?;
+        let big_endian = match file.endian.map(|endian| self.located(endian)) {
+            None => false,
+            Some(endian) => match endian.value.as_str() {
+                "little" => false,
+                "big" => true,
+                other => {
+                    return Err(endian.place.error(format!(
+                        "volume \"{volume}\": endian \"{other}\" is not known: use \"little\" or \"big\""
+                    )));
+                }
+            },
+        };
+        Ok(RawLayout { size, format: known, big_endian })
+    }
+
+    fn size3(&self, volume: &str, size: Located<[i64; 3]>) -> Result<Size3> {
+        if size.value.iter().all(|edge| (1..=VOLUME_EDGE_VOXELS_MAX).contains(edge)) {
+            return Ok(Size3::from_array(size.value.map(|edge| edge as u32)));
+        }
+        Err(size.place.error(format!(
+            "volume \"{volume}\": size must be 1 to {VOLUME_EDGE_VOXELS_MAX} voxels along each axis, got {:?}",
+            size.value
+        )))
+    }
+
+    fn channel(
+        &self,
+        volume: &str,
+        position: usize,
+        file: Located<ChannelFile>,
+    ) -> Result<Channel> {
+        let Located { value: file, place } = file;
+        let refuse = |place: &Place, why: String| {
+            place.error(format!("volume \"{volume}\", channel {position}: {why}"))
+        };
+        let index = match file.index.map(|index| self.located(index)) {
+            None => position as u32,
+            Some(index) => u32::try_from(index.value).map_err(|_| {
+                refuse(&index.place, format!("index must not be negative, got {}", index.value))
+            })?,
+        };
+        let Some(window) = file.window.map(|window| self.located(window)) else {
+            return Err(refuse(&place, "window = [lo, hi] is missing".to_owned()));
+        };
+        let [lo, hi] = window.value;
+        let in_f32 = |edge: f64| edge.abs() <= f64::from(f32::MAX);
+        if !(in_f32(lo) && in_f32(hi) && lo < hi) {
+            return Err(refuse(
+                &window.place,
+                format!("window must be finite with lo < hi, got [{lo}, {hi}]"),
+            ));
+        }
+        let Some(transfer) = file.transfer else {
+            return Err(refuse(&place, "transfer = [points] is missing".to_owned()));
+        };
+        let list_place = self.place(&transfer.span());
+        let mut points = Vec::new();
+        let mut places = Vec::new();
+        for point in transfer.into_inner() {
+            places.push(self.place(&point.span()));
+            let point = point.into_inner();
+            points.push(TransferPoint {
+                at: point.at.into_inner(),
+                color: point.color.into_inner(),
+                extinction: point.extinction.into_inner(),
+            });
+        }
+        let transfer = TransferFunction::new(points)
+            .map_err(|(at, why)| refuse(places.get(at).unwrap_or(&list_place), why))?;
+        Ok(Channel { index, window: window.value, transfer })
+    }
+
+    fn view(&self, index: usize, file: Located<ViewFile>) -> Result<View> {
+        let Located { value: file, place } = file;
+        let name = match file.name.map(|name| self.located(name)) {
+            None => format!("view{index}"),
+            Some(name) => {
+                // The name becomes part of file names.
+                let plain = |c: char| c.is_alphanumeric() || "-_ ".contains(c);
+                if name.value.trim().is_empty() || !name.value.chars().all(plain) {
+                    return Err(name.place.error(format!(
+                        "view \"{}\": a view's name is made of letters, digits, blanks, - and _",
+                        name.value.escape_debug()
+                    )));
+                }
+                name.value
+            }
+        };
+        let refuse = |place: &Place, why: &str| place.error(format!("view \"{name}\": {why}"));
+        let point = |key: &str, value: Option<Spanned<[f64; 3]>>| -> Result<Located<DVec3>> {
+            let Some(value) = value.map(|value| self.located(value)) else {
+                return Err(refuse(&place, &format!("{key} = [x, y, z] is missing")));
+            };
+            let vector = DVec3::from_array(value.value);
+            if vector.abs().max_element() <= 1e30 && vector.is_finite() {
+                return Ok(Located { value: vector, place: value.place });
+            }
+            let why = format!("{key} must be finite and within 1e30, got {:?}", value.value);
+            Err(refuse(&value.place, &why))
+        };
+        let eye = point("eye", file.eye)?;
+        let target = point("target", file.target)?;
+        let up = point("up", file.up)?;
+        let fov = file.fov_degrees.map(|fov| self.located(fov));
+        let height = file.height.map(|height| self.located(height));
+        let frustum = file.frustum.map(|frustum| self.located(frustum));
+        let projection = match (fov, height, frustum) {
+            (Some(fov), None, None) => {
+                if !(0.001..=179.0).contains(&fov.value) {
+                    let why =
+                        format!("fov_degrees must be within 0.001 and 179, got {}", fov.value);
+                    return Err(refuse(&fov.place, &why));
+                }
+                Projection::Perspective { fov_degrees: fov.value }
+            }
+            (None, Some(height), None) => {
+                if !(height.value > 0.0 && height.value <= 1e30) {
+                    let why = format!("height must be positive and finite, got {}", height.value);
+                    return Err(refuse(&height.place, &why));
+                }
+                Projection::Orthographic { height: height.value }
+            }
+            (None, None, Some(frustum)) => {
+                let [left, right, bottom, top] = frustum.value;
+                let bounded = frustum.value.iter().all(|edge| edge.abs() <= 1e6);
+                if !(bounded && left < right && bottom < top) {
+                    let why = format!(
+                        "frustum must be [left, right, bottom, top] with left < right and bottom < top, got {:?}",
+                        frustum.value
+                    );
+                    return Err(refuse(&frustum.place, &why));
+                }
+                Projection::Frustum { bounds: frustum.value }
+            }
+            _ => {
+                return Err(refuse(&place, "give one of fov_degrees, height and frustum"));
+            }
+        };
+        let (eye, target_place) = (eye.value, target.place);
+        View::looking_at(name.clone(), eye, target.value, up.value, projection)
+            .map_err(|why| refuse(&target_place, why))
+    }
+}

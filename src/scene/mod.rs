@@ -1,0 +1,142 @@
+//! The scene: what to draw, from where, how well. Checked once, into types that cannot be wrong.
+//!
+//! [`Scene::load`] reads a TOML file; [`Overrides`] are command-line flags that win over it. Every
+//! refusal names the place (file, line and column, or the flag), the thing and the remedy.
+
+mod check;
+mod file;
+mod overrides;
+mod place;
+mod transfer;
+mod view;
+
+use std::path::PathBuf;
+
+use crate::volume::{RawLayout, Size3, WorldFromVoxel};
+
+pub use overrides::Overrides;
+pub use place::Place;
+pub use transfer::{TransferFunction, TransferPoint};
+pub use view::{Projection, RayFrame, View};
+
+/// All that a picture depends on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    /// Size and background.
+    pub picture: Picture,
+    /// How well the integral is approximated.
+    pub quality: Quality,
+    /// Limits on memory.
+    pub memory: Memory,
+    /// At least one.
+    pub volumes: Vec<Volume>,
+    /// At least one.
+    pub views: Vec<View>,
+}
+
+/// `[picture]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Pixels across and down.
+    pub size: [u32; 2],
+    /// Linear colour behind everything.
+    pub background: [f32; 3],
+}
+
+/// `[quality]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Quality {
+    /// The quadrature along a ray.
+    pub integrator: Integrator,
+    /// Sample distance, in smallest voxel edges of the level in use.
+    pub step: f64,
+    /// How values between voxels are found.
+    pub filter: Filter,
+    /// What a ray does at a missing brick.
+    pub refine: Refine,
+    /// Coarsest level allowed; nothing: chosen by the pixel's footprint.
+    pub level_max: Option<u8>,
+    /// A ray ends when less than this is transmitted; 0: never.
+    pub early_stop: f64,
+}
+
+/// The quadrature along a ray.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Integrator {
+    /// Midpoint rule.
+    Riemann,
+}
+
+/// How values between voxels are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Filter {
+    /// Trilinear within 1e-6 of the value range.
+    Exact,
+    /// Whatever the sampler gives.
+    Hardware,
+}
+
+/// What a ray does at a missing brick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refine {
+    /// Waits for it.
+    Exact,
+    /// Takes the best resident level.
+    Substitute,
+}
+
+/// `[memory]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Memory {
+    /// Hard limit on GPU bytes for voxels.
+    pub atlas_mib: u64,
+    /// Limit on host bytes for cached bricks.
+    pub ram_mib: u64,
+    /// Bytes of both staging halves together.
+    pub staging_mib: u64,
+}
+
+/// `[[volume]]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Volume {
+    /// Unique in the scene.
+    pub name: String,
+    /// Where the voxels come from.
+    pub source: Source,
+    /// Voxel (corner origin) to world; nothing: the file's own.
+    pub world_from_voxel: Option<WorldFromVoxel>,
+    /// At least one.
+    pub channels: Vec<Channel>,
+    /// Where the scene names the source, for messages about it.
+    pub place: Place,
+}
+
+/// Where voxels come from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Source {
+    /// A file that import knows.
+    File {
+        /// Absolute, or relative to the working folder.
+        path: PathBuf,
+        /// For raw files: what they do not say themselves.
+        raw: Option<RawLayout>,
+    },
+    /// A formula.
+    Computed {
+        /// Its name, see `source::computed`.
+        kind: String,
+        /// Voxels along each axis.
+        size: Size3,
+    },
+}
+
+/// `[[volume.channel]]`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Channel {
+    /// Number of the channel in the file.
+    pub index: u32,
+    /// Scaled values that map to 0 and 1.
+    pub window: [f64; 2],
+    /// Colour and extinction of a windowed value.
+    pub transfer: TransferFunction,
+}

@@ -1,0 +1,142 @@
+//! Views: one camera each, and the rays of its pixels.
+
+use glam::DVec3;
+
+/// `[[view]]`: one camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// Unique in the scene.
+    pub name: String,
+    /// Where the camera is, world.
+    pub eye: DVec3,
+    /// Unit vector along the line of sight.
+    pub forward: DVec3,
+    /// Unit vector to the right in the picture.
+    pub right: DVec3,
+    /// Unit vector upwards in the picture.
+    pub up: DVec3,
+    /// How pixels map to rays.
+    pub projection: Projection,
+}
+
+/// How pixels map to rays.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Projection {
+    /// Rays leave the eye; the vertical angle between the picture's edges.
+    Perspective {
+        /// In degrees.
+        fov_degrees: f64,
+    },
+    /// Parallel rays; the picture's height in world units.
+    Orthographic {
+        /// In world units.
+        height: f64,
+    },
+    /// Rays leave the eye through a rectangle at distance 1: left, right, bottom, top.
+    Frustum {
+        /// Left, right, bottom and top, in world units at distance 1.
+        bounds: [f64; 4],
+    },
+}
+
+/// The rays of a picture, linear in the pixel (column from the left, row from the top).
+///
+/// The ray of a pixel starts at `origin + column * origin_column + row * origin_row` and runs along
+/// `direction + column * direction_column + row * direction_row`, which is not normalised; column
+/// and row are those of the pixel's centre (index + 0.5).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RayFrame {
+    /// Origin of the ray at the picture's top left corner.
+    pub origin: DVec3,
+    /// Change of the origin per column.
+    pub origin_column: DVec3,
+    /// Change of the origin per row.
+    pub origin_row: DVec3,
+    /// Direction of the ray at the picture's top left corner.
+    pub direction: DVec3,
+    /// Change of the direction per column.
+    pub direction_column: DVec3,
+    /// Change of the direction per row.
+    pub direction_row: DVec3,
+}
+
+impl View {
+    /// A camera at `eye` that looks at `target`, or why there is none.
+    pub fn looking_at(
+        name: String,
+        eye: DVec3,
+        target: DVec3,
+        up: DVec3,
+        projection: Projection,
+    ) -> Result<View, &'static str> {
+        let forward = (target - eye).try_normalize().ok_or("eye and target must differ")?;
+        let up_unit = up.try_normalize().ok_or("up must not be zero")?;
+        let right = forward.cross(up_unit);
+        if right.length() < 1e-9 {
+            return Err("up must not be parallel to the line of sight");
+        }
+        let right = right.normalize();
+        Ok(View { name, eye, forward, right, up: right.cross(forward), projection })
+    }
+
+    /// The rays, in world space, of a picture of `size` pixels (across, down).
+    pub fn ray_frame_world(&self, size: [u32; 2]) -> RayFrame {
+        let [width, height] = size.map(f64::from);
+        let [left, right, bottom, top] = match self.projection {
+            Projection::Perspective { fov_degrees } => {
+                let top = (fov_degrees.to_radians() / 2.0).tan();
+                [-top * width / height, top * width / height, -top, top]
+            }
+            Projection::Orthographic { height: world } => {
+                let top = world / 2.0;
+                [-top * width / height, top * width / height, -top, top]
+            }
+            Projection::Frustum { bounds } => bounds,
+        };
+        let corner = self.right * left + self.up * top;
+        let column = self.right * ((right - left) / width);
+        let row = self.up * ((bottom - top) / height);
+        match self.projection {
+            Projection::Orthographic { .. } => RayFrame {
+                origin: self.eye + corner,
+                origin_column: column,
+                origin_row: row,
+                direction: self.forward,
+                direction_column: DVec3::ZERO,
+                direction_row: DVec3::ZERO,
+            },
+            Projection::Perspective { .. } | Projection::Frustum { .. } => RayFrame {
+                origin: self.eye,
+                origin_column: DVec3::ZERO,
+                origin_row: DVec3::ZERO,
+                direction: self.forward + corner,
+                direction_column: column,
+                direction_row: row,
+            },
+        }
+    }
+}
+
+impl RayFrame {
+    /// The same rays under an affine map, such as voxel from world.
+    #[must_use]
+    pub fn mapped(&self, map: &glam::DAffine3) -> RayFrame {
+        RayFrame {
+            origin: map.transform_point3(self.origin),
+            origin_column: map.transform_vector3(self.origin_column),
+            origin_row: map.transform_vector3(self.origin_row),
+            direction: map.transform_vector3(self.direction),
+            direction_column: map.transform_vector3(self.direction_column),
+            direction_row: map.transform_vector3(self.direction_row),
+        }
+    }
+
+    /// Origin and direction of the ray through the centre of pixel (column, row).
+    pub fn ray(&self, column: u32, row: u32) -> (DVec3, DVec3) {
+        let (column, row) = (f64::from(column) + 0.5, f64::from(row) + 0.5);
+        (
+            self.origin + self.origin_column * column + self.origin_row * row,
+            self.direction + self.direction_column * column + self.direction_row * row,
+        )
+    }
+}

@@ -1,0 +1,19 @@
+//! The words as types: sizes, voxel formats, transforms, levels, bricks, ranges. Pure arithmetic.
+
+mod brick;
+mod dense;
+mod format;
+mod level;
+mod range;
+mod size;
+mod transform;
+mod voxels;
+
+pub use brick::{BRICK_APRON, BRICK_PAYLOAD_DEFAULT, BrickBox, BrickGrid, BrickId};
+pub use dense::{ChannelVoxels, VolumeVoxels};
+pub use format::{RawLayout, VoxelFormat};
+pub use level::{Level, Levels};
+pub use range::ValueRange;
+pub use size::Size3;
+pub use transform::WorldFromVoxel;
+pub use voxels::{Voxels, sanitized};
