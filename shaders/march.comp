@@ -174,7 +174,8 @@ void main() {
             ivec3 corner = anchor.cell + ivec3(cell) + 1;
             Medium medium = Medium(vec3(0.0), 0.0);
             CHANNELS_DO
-            float depth = medium.extinction * geometry.step_world;
+            // Beyond this nothing is seen, and sums of it stay finite.
+            float depth = min(medium.extinction * geometry.step_world, DEPTH_OF_SAMPLE_MAX);
             Attenuation attenuation = attenuate(depth);
 #ifdef SEVERAL_CHANNELS
             vec3 color = medium.emission / max(medium.extinction, 1.0e-37);

@@ -6,5 +6,8 @@
 pub mod cli;
 pub mod error;
 pub mod gpu;
+pub mod passes;
+pub mod render;
 pub mod scene;
+pub mod twins;
 pub mod volume;

@@ -42,3 +42,4 @@ pub use roles::{RoleKind, TimePoint};
 pub use shader::{Shader, ShaderCompiler, ShaderSources, Variant};
 pub use staging::Staging;
 pub use timestamps::Timestamps;
+pub use write_commands::IN_FLIGHT_MAX;

@@ -283,8 +283,14 @@ impl<'r> Dispatch<'_, 'r> {
 
     /// The shader's push constants.
     #[must_use]
-    pub fn push(mut self, constants: &impl bytemuck::NoUninit) -> Self {
-        self.push = bytemuck::bytes_of(constants).to_vec();
+    pub fn push(self, constants: &impl bytemuck::NoUninit) -> Self {
+        self.push_bytes(bytemuck::bytes_of(constants))
+    }
+
+    /// The shader's push constants as bytes.
+    #[must_use]
+    pub fn push_bytes(mut self, constants: &[u8]) -> Self {
+        self.push = constants.to_vec();
         self
     }
 

@@ -55,7 +55,7 @@ pub(crate) struct Role {
     /// Value of the last submit.
     pub submitted: AtomicU64,
     pub tracker: Mutex<Tracker>,
-    /// Command buffers whose time point was reached may be recorded again.
+    /// Oldest first, each with the value of its last submit.
     pub command_buffers: Mutex<Vec<(vk::CommandBuffer, u64)>>,
 }
 
