@@ -5,5 +5,8 @@
 
 pub mod cli;
 pub mod error;
+pub mod reference;
 pub mod scene;
+pub mod source;
+pub mod study;
 pub mod volume;
