@@ -10,7 +10,7 @@ const PSNR_DB_LEAST: f64 = 90.0;
 fn expected(shared: &std::path::Path, name: &str) -> Vec<[f32; 4]> {
     let file = shared.join(format!("data/synth256/reference_{name}.f32.gz"));
     let bytes = truth::unpacked(&file);
-    bytes.chunks_exact(16).map(|pixel| bytemuck::pod_read_unaligned(pixel)).collect()
+    bytes.chunks_exact(16).map(bytemuck::pod_read_unaligned).collect()
 }
 
 /// Every 61st pixel: 61 is prime to 512, so that all columns take part.
