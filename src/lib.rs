@@ -5,5 +5,6 @@
 
 pub mod cli;
 pub mod error;
+pub mod import;
 pub mod scene;
 pub mod volume;
