@@ -229,7 +229,7 @@ fn planned<'p>(plan: &'p Plan, name: &str) -> &'p PlannedBuffer {
 
 /// A view's rays in voxels and in the world, as the shader takes them.
 fn view_rays(world: &RayFrame, world_from_voxel: &WorldFromVoxel) -> ViewRays {
-    let voxel = world.mapped(&world_from_voxel.voxel_from_world());
+    let voxel = world.in_voxels(world_from_voxel);
     let wide = |v: DVec3| [v.x, v.y, v.z, 0.0];
     ViewRays {
         origin_voxel: wide(voxel.origin),

@@ -1,6 +1,6 @@
 //! A scene together with its voxels.
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::scene::{Scene, Volume};
 use crate::volume::VolumeVoxels;
 
