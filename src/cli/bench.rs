@@ -1,0 +1,20 @@
+//! `ashfall bench`: prices, as ratios within one run.
+
+use clap::{Args, Subcommand};
+
+use crate::error::Result;
+
+/// Measure prices on this machine, as ratios within one run.
+#[derive(Args)]
+pub struct Arguments {
+    #[command(subcommand)]
+    bench: Bench,
+}
+
+#[derive(Subcommand)]
+enum Bench {}
+
+/// Runs one bench.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    match arguments.bench {}
+}

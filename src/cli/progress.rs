@@ -1,0 +1,37 @@
+//! Progress on stderr: a bar with rate and time left where somebody watches, else nothing.
+
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// Steps of the bar; progress is told as a part of 1.
+const STEPS: u64 = 1000;
+
+/// A bar that is gone when dropped.
+pub struct Progress(ProgressBar);
+
+impl Progress {
+    /// Starts a bar named `what`.
+    pub fn start(what: &str) -> Progress {
+        let bar = ProgressBar::new(STEPS);
+        let style =
+            ProgressStyle::with_template("{msg} {wide_bar} {percent}% in {elapsed}, {eta} left");
+        if let Ok(style) = style {
+            bar.set_style(style);
+        }
+        bar.set_message(what.to_owned());
+        bar.enable_steady_tick(Duration::from_millis(200));
+        Progress(bar)
+    }
+
+    /// Tells the finished part, 0 to 1.
+    pub fn set(&self, part: f64) {
+        self.0.set_position((part * STEPS as f64) as u64);
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}
