@@ -6,7 +6,9 @@
 // updates  ray_state     [ray]      position, optical depth, colour
 // shape    one thread per ray of the tile, 8 x 8 x 1
 // spaces   voxels (centre origin): block anchors in fixed point, samples in f32 from the anchor
-// variants CHANNELS_DO: one CHANNEL_* call per channel; IMAGES: how many channels have an image;
+// variants LOAD_CHANNELS, SAMPLE_CHANNELS: one LOAD_ and one SAMPLE_ call per channel;
+//          SEGMENTS_TOTAL: of all channels, or TRANSFER_SEARCH where they are too many to select from;
+//          IMAGES: how many channels have an image;
 //          FILTER_SAMPLER, FILTER_FETCH or FILTER_QUADS; EARLY_STOP; NAN_VOXELS; SEVERAL_CHANNELS
 // twin     src/twins/march.rs
 // source   emission and absorption, midpoint rule; weights 1 - exp(-sigma h) as in
@@ -24,7 +26,11 @@
 layout(local_size_x = GROUP_WIDTH, local_size_y = GROUP_HEIGHT) in;
 
 layout(std430) readonly buffer ray_geometry { RayGeometry geometry_of_ray[]; };
+#ifdef TRANSFER_SEARCH
 layout(std430) readonly buffer transfer { TransferSegment segments[]; };
+#else
+layout(std140) uniform transfer { TransferSegment segments[SEGMENTS_TOTAL]; };
+#endif
 layout(std430) buffer ray_state { RayState state_of_ray[]; };
 #ifdef IMAGES
 uniform sampler3D channels[IMAGES];
@@ -57,22 +63,57 @@ void mix_in(inout Medium medium, vec3 color, float extinction) {
 #endif
 }
 
-// Chooses the segment by comparisons, which cost less than one load on every device measured.
-#define CLASSIFY(windowed, FIRST, SEGMENTS, result) \
+// The last segment that begins at or before the windowed value.
+#ifdef TRANSFER_SEARCH
+// Binary search in the buffer, unrolled: SEARCH_STEPS halvings find one of 2^SEARCH_STEPS segments.
+#define LOAD_SEGMENTS(NAME, FIRST, SEGMENTS) \
+    const uint NAME##_first = FIRST; \
+    const uint NAME##_count = SEGMENTS; \
+    float NAME##_window_scale = segments[FIRST].window_scale; \
+    float NAME##_window_offset = segments[FIRST].window_offset;
+
+#define CLASSIFY(NAME, windowed, SEGMENTS, result) \
     { \
-        vec4 start = segments[FIRST].start; \
-        vec4 slope = segments[FIRST].slope; \
-        float begins_at = segments[FIRST].begins_at; \
-        [[unroll]] for (int index = 1; index < SEGMENTS; ++index) { \
-            if (windowed >= segments[FIRST + index].begins_at) { \
-                start = segments[FIRST + index].start; \
-                slope = segments[FIRST + index].slope; \
-                begins_at = segments[FIRST + index].begins_at; \
+        uint found = 0u; \
+        [[unroll]] for (uint halving = 0u; halving < SEARCH_STEPS; ++halving) { \
+            uint tried = found + ((1u << (SEARCH_STEPS - 1u)) >> halving); \
+            if (tried < NAME##_count && windowed >= segments[NAME##_first + tried].begins_at) { \
+                found = tried; \
             } \
+        } \
+        TransferSegment segment = segments[NAME##_first + found]; \
+        result = segment.start + segment.slope * (windowed - segment.begins_at); \
+        result.a = max(result.a, 0.0); \
+    }
+#else
+// All segments are loaded once: selecting among registers costs a tenth of a load.
+#define LOAD_SEGMENTS(NAME, FIRST, SEGMENTS) \
+    vec4 NAME##_start[SEGMENTS]; \
+    vec4 NAME##_slope[SEGMENTS]; \
+    float NAME##_begins_at[SEGMENTS]; \
+    [[unroll]] for (int index = 0; index < SEGMENTS; ++index) { \
+        NAME##_start[index] = segments[FIRST + index].start; \
+        NAME##_slope[index] = segments[FIRST + index].slope; \
+        NAME##_begins_at[index] = segments[FIRST + index].begins_at; \
+    } \
+    float NAME##_window_scale = segments[FIRST].window_scale; \
+    float NAME##_window_offset = segments[FIRST].window_offset;
+
+#define CLASSIFY(NAME, windowed, SEGMENTS, result) \
+    { \
+        vec4 start = NAME##_start[0]; \
+        vec4 slope = NAME##_slope[0]; \
+        float begins_at = NAME##_begins_at[0]; \
+        [[unroll]] for (int index = 1; index < SEGMENTS; ++index) { \
+            bool begun = windowed >= NAME##_begins_at[index]; \
+            start = mix(start, NAME##_start[index], bvec4(begun)); \
+            slope = mix(slope, NAME##_slope[index], bvec4(begun)); \
+            begins_at = begun ? NAME##_begins_at[index] : begins_at; \
         } \
         result = start + slope * (windowed - begins_at); \
         result.a = max(result.a, 0.0); \
     }
+#endif
 
 #ifdef NAN_VOXELS
 #define LEAVE_OUT_NAN(value, result) if (is_nan(value)) { result = vec4(0.0); }
@@ -80,30 +121,28 @@ void mix_in(inout Medium medium, vec3 color, float extinction) {
 #define LEAVE_OUT_NAN(value, result)
 #endif
 
-#define CHANNEL_SCALAR(IMAGE, FIRST, SEGMENTS) \
+#define SAMPLE_SCALAR(NAME, IMAGE, SEGMENTS) \
     { \
         float texel = filtered_scalar(channels[IMAGE], corner, within); \
-        float windowed = clamp(texel * segments[FIRST].window_scale \
-            + segments[FIRST].window_offset, 0.0, 1.0); \
+        float windowed = clamp(texel * NAME##_window_scale + NAME##_window_offset, 0.0, 1.0); \
         vec4 classified; \
-        CLASSIFY(windowed, FIRST, SEGMENTS, classified) \
+        CLASSIFY(NAME, windowed, SEGMENTS, classified) \
         LEAVE_OUT_NAN(texel, classified) \
         mix_in(medium, classified.rgb, classified.a); \
     }
 
-#define CHANNEL_RGBA(IMAGE, FIRST, SEGMENTS) \
+#define SAMPLE_RGBA(NAME, IMAGE, SEGMENTS) \
     { \
         vec4 texel = filtered(channels[IMAGE], corner, within); \
-        float windowed = clamp(texel.a * segments[FIRST].window_scale \
-            + segments[FIRST].window_offset, 0.0, 1.0); \
+        float windowed = clamp(texel.a * NAME##_window_scale + NAME##_window_offset, 0.0, 1.0); \
         vec4 classified; \
-        CLASSIFY(windowed, FIRST, SEGMENTS, classified) \
+        CLASSIFY(NAME, windowed, SEGMENTS, classified) \
         mix_in(medium, texel.rgb * classified.rgb, classified.a); \
     }
 
-// Every voxel has one value: the host has classified it.
-#define CHANNEL_CONSTANT(FIRST) \
-    mix_in(medium, segments[FIRST].start.rgb, segments[FIRST].start.a);
+// Every voxel has one value, which the host has classified.
+#define LOAD_CONSTANT(NAME, FIRST) vec4 NAME##_medium = segments[FIRST].start;
+#define SAMPLE_CONSTANT(NAME) mix_in(medium, NAME##_medium.rgb, NAME##_medium.a);
 
 void main() {
     uvec2 pixel = gl_GlobalInvocationID.xy;
@@ -119,6 +158,7 @@ void main() {
     Fixed3 start = Fixed3(geometry.start_cell, geometry.start_fraction);
     Fixed3 delta = Fixed3(geometry.delta_cell, geometry.delta_fraction);
     vec3 step_voxel = fixed_float(delta);
+    LOAD_CHANNELS
 
     for (uint block = 0u; block < push.blocks_max; ++block) {
         Fixed3 anchor = fixed_advance(start, delta, state.next_sample);
@@ -133,7 +173,7 @@ void main() {
             vec3 within = position - cell;
             ivec3 corner = anchor.cell + ivec3(cell) + 1;
             Medium medium = Medium(vec3(0.0), 0.0);
-            CHANNELS_DO
+            SAMPLE_CHANNELS
             // Beyond this nothing is seen, and sums of it stay finite.
             float depth = min(medium.extinction * geometry.step_world, DEPTH_OF_SAMPLE_MAX);
             Attenuation attenuation = attenuate(depth);
