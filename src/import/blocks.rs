@@ -97,16 +97,7 @@ impl Blocks {
         }
         let at = vec![0; layout.axes.len()];
         let piece = layout.axes[split].1.min(room).max(1);
-        Blocks {
-            layout,
-            target,
-            split,
-            piece,
-            at,
-            done: false,
-            bytes_done: 0,
-            buffer: Vec::new(),
-        }
+        Blocks { layout, target, split, piece, at, done: false, bytes_done: 0, buffer: Vec::new() }
     }
 
     /// Bytes of the stream that were read or left out.

@@ -55,8 +55,7 @@ impl Linear {
             notes: details.notes,
             absent_voxels: 0,
         };
-        let target =
-            Target { origin: [0; 3], clip: size, channel: 0, time: options.time, format };
+        let target = Target { origin: [0; 3], clip: size, channel: 0, time: options.time, format };
         let blocks = Blocks::new(layout, target);
         Ok(Linear { header, blocks, stream, bytes, pending: VecDeque::new(), finished: false })
     }

@@ -16,7 +16,9 @@ mod raw;
 mod sample;
 mod stream;
 mod text;
+mod tiff;
 mod whole;
+mod xml;
 
 use std::path::{Path, PathBuf};
 
@@ -154,6 +156,9 @@ fn recognise(path: &Path, options: &Options) -> Result<Box<dyn Input>> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     if head.starts_with(b"NRRD") {
         return nrrd::open(path, options);
+    }
+    if tiff::is_header(&head) {
+        return tiff::open(path, options);
     }
     if nifti::is_header(&head) || name.ends_with(".nii.gz") || name.ends_with(".nii") {
         return nifti::open(path, options);

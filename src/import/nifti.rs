@@ -29,7 +29,8 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn Input>> {
     let coding = Coding::by_magic(&head(path, 4)?);
     let mut stream = Stream::new(Section::of_file(path)?, coding)?;
     let mut bytes = vec![0; HEADER_BYTES_V1];
-    let short = |why: std::io::Error| Error::input(format!("the NIfTI header cannot be read: {why}"));
+    let short =
+        |why: std::io::Error| Error::input(format!("the NIfTI header cannot be read: {why}"));
     stream.read_exact(&mut bytes).map_err(short)?;
     if matches!(bytes[..4], [0x1c, 2, 0, 0] | [0, 0, 2, 0x1c]) {
         bytes.resize(HEADER_BYTES_V2, 0);
@@ -230,9 +231,7 @@ impl Fields<'_> {
         let (qform, sform) = (code(252, 344), code(254, 348));
         if sform > 0 {
             let rows = std::array::from_fn(|row| {
-                std::array::from_fn(|column| {
-                    self.real(280 + 16 * row, 400 + 32 * row, column)
-                })
+                std::array::from_fn(|column| self.real(280 + 16 * row, 400 + 32 * row, column))
             });
             match WorldFromVoxel::from_centre_rows(rows) {
                 Ok(map) => return Ok(map),

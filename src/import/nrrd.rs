@@ -84,8 +84,7 @@ impl Fields {
     }
 
     fn need(&self, name: &str) -> Result<&str> {
-        self.get(&[name])
-            .ok_or_else(|| Error::input(format!("header field \"{name}\" is missing")))
+        self.get(&[name]).ok_or_else(|| Error::input(format!("header field \"{name}\" is missing")))
     }
 
     /// The layout, and for each spatial axis its index in the array.
@@ -130,12 +129,16 @@ impl Fields {
                 _ => Axis::Channel,
             };
             if axes.iter().any(|(known, _)| *known == axis) {
-                return Err(Error::input("two axes of the same kind beside space are not supported"));
+                return Err(Error::input(
+                    "two axes of the same kind beside space are not supported",
+                ));
             }
             axes.push((axis, len));
         }
         if spatial.is_empty() {
-            return Err(Error::input("no axis is one of space: see \"kinds\", \"space directions\""));
+            return Err(Error::input(
+                "no axis is one of space: see \"kinds\", \"space directions\"",
+            ));
         }
         let big_endian = match self.get(&["endian"]).map(str::to_ascii_lowercase).as_deref() {
             Some("little") => false,
@@ -162,9 +165,8 @@ impl Fields {
                 )));
             }
         };
-        let skip = |names: &[&str]| {
-            self.get(names).map_or(Ok(0), |value| number::<i64>(names[0], value))
-        };
+        let skip =
+            |names: &[&str]| self.get(names).map_or(Ok(0), |value| number::<i64>(names[0], value));
         for _ in 0..skip(&["line skip", "lineskip"])? {
             skip_line(&mut section)?;
         }
@@ -208,7 +210,8 @@ impl Fields {
             return WorldFromVoxel::from_centre_rows([row(0), row(1), row(2)]);
         }
         if self.get(&["axis mins", "axismins"]).is_some() {
-            notes.push("axis mins are ignored: the world starts at the first voxel's corner".into());
+            notes
+                .push("axis mins are ignored: the world starts at the first voxel's corner".into());
         }
         let mut spacing = [1.0; 3];
         if let Some(spacings) = self.get(&["spacings"]) {
@@ -241,8 +244,13 @@ fn sample_of(name: &str) -> Result<Sample> {
         "ushort" | "unsigned short" | "unsigned short int" | "uint16" | "uint16_t" => Sample::U16,
         "int" | "signed int" | "int32" | "int32_t" => Sample::I32,
         "uint" | "unsigned int" | "uint32" | "uint32_t" => Sample::U32,
-        "longlong" | "long long" | "long long int" | "signed long long" | "signed long long int"
-        | "int64" | "int64_t" => Sample::I64,
+        "longlong"
+        | "long long"
+        | "long long int"
+        | "signed long long"
+        | "signed long long int"
+        | "int64"
+        | "int64_t" => Sample::I64,
         "ulonglong" | "unsigned long long" | "unsigned long long int" | "uint64" | "uint64_t" => {
             Sample::U64
         }
@@ -290,10 +298,8 @@ fn completed(columns: &[DVec3]) -> [DVec3; 3] {
         .get(1)
         .copied()
         .unwrap_or_else(|| x.try_normalize().map_or(DVec3::Y, |x| x.any_orthonormal_vector()));
-    let z = columns
-        .get(2)
-        .copied()
-        .unwrap_or_else(|| x.cross(y).try_normalize().unwrap_or(DVec3::Z));
+    let z =
+        columns.get(2).copied().unwrap_or_else(|| x.cross(y).try_normalize().unwrap_or(DVec3::Z));
     [x, y, z]
 }
 

@@ -98,15 +98,25 @@ impl Sample {
 
     /// The voxels of a box, as `format`, which is [`Sample::delivered`] or, where the file lacks
     /// voxels, f32.
-    pub fn voxels(self, bytes: &[u8], big_endian: bool, at: &Gather, format: VoxelFormat) -> Voxels {
+    pub fn voxels(
+        self,
+        bytes: &[u8],
+        big_endian: bool,
+        at: &Gather,
+        format: VoxelFormat,
+    ) -> Voxels {
         let big = big_endian;
         match (self, format) {
             (Sample::U8, VoxelFormat::U8) => Voxels::U8(read(bytes, big, at, |[b]| b)),
             (Sample::I8, VoxelFormat::I16) => {
                 Voxels::I16(read(bytes, big, at, |b| i16::from(i8::from_le_bytes(b))))
             }
-            (Sample::U16, VoxelFormat::U16) => Voxels::U16(read(bytes, big, at, u16::from_le_bytes)),
-            (Sample::I16, VoxelFormat::I16) => Voxels::I16(read(bytes, big, at, i16::from_le_bytes)),
+            (Sample::U16, VoxelFormat::U16) => {
+                Voxels::U16(read(bytes, big, at, u16::from_le_bytes))
+            }
+            (Sample::I16, VoxelFormat::I16) => {
+                Voxels::I16(read(bytes, big, at, i16::from_le_bytes))
+            }
             (Sample::Rgba8, _) => Voxels::Rgba8(read(bytes, false, at, |b| b)),
             _ => Voxels::F32(self.floats(bytes, big, at)),
         }

@@ -63,9 +63,12 @@ pub fn numbers<T: std::str::FromStr>(field: &str, text: &str) -> Result<Vec<T>> 
 
 /// One number.
 pub fn number<T: std::str::FromStr>(field: &str, word: &str) -> Result<T> {
-    word.trim()
-        .parse()
-        .map_err(|_| Error::input(format!("header field \"{field}\": \"{}\" is not a number it can hold", shown(word))))
+    word.trim().parse().map_err(|_| {
+        Error::input(format!(
+            "header field \"{field}\": \"{}\" is not a number it can hold",
+            shown(word)
+        ))
+    })
 }
 
 /// A piece of a header, short enough for a message.

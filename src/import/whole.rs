@@ -9,11 +9,7 @@ use crate::volume::{ChannelVoxels, Size3, VolumeVoxels, VoxelFormat, Voxels};
 /// # Errors
 /// When a channel is not there, when the voxels need more than `bytes_max` bytes (exit code 4), or
 /// as [`Input::next_run`].
-pub fn read_whole(
-    input: &mut dyn Input,
-    channels: &[u32],
-    bytes_max: u64,
-) -> Result<VolumeVoxels> {
+pub fn read_whole(input: &mut dyn Input, channels: &[u32], bytes_max: u64) -> Result<VolumeVoxels> {
     let header = input.header().clone();
     if let Some(channel) = channels.iter().find(|channel| **channel >= header.channels) {
         return Err(Error::input(format!(
@@ -21,8 +17,7 @@ pub fn read_whole(
             header.channels
         )));
     }
-    let bytes =
-        header.size.voxel_count() * header.format.bytes() as u128 * channels.len() as u128;
+    let bytes = header.size.voxel_count() * header.format.bytes() as u128 * channels.len() as u128;
     let len = header.size.len().filter(|_| bytes <= u128::from(bytes_max)).ok_or_else(|| {
         Error::machine(format!(
             "{} voxels of {} in {} channels need {bytes} bytes of memory, but {bytes_max} are allowed: \
