@@ -8,17 +8,23 @@
 //! Every error is one sentence behind the file's path, exit code 3. No bytes lead to a panic, and
 //! nothing larger than a run is allocated on a header's word.
 
+mod base64;
 mod blocks;
 mod linear;
+mod metaimage;
 mod nifti;
 mod nrrd;
+mod numpy;
 mod raw;
 mod sample;
+mod segy;
 mod stream;
 mod text;
 mod tiff;
+mod vti;
 mod whole;
 mod xml;
+mod zip;
 
 use std::path::{Path, PathBuf};
 
@@ -156,6 +162,21 @@ fn recognise(path: &Path, options: &Options) -> Result<Box<dyn Input>> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     if head.starts_with(b"NRRD") {
         return nrrd::open(path, options);
+    }
+    if numpy::is_array(&head) {
+        return numpy::open(path, options);
+    }
+    if head.starts_with(b"PK") {
+        return numpy::open_archive(path, options);
+    }
+    if vti::is_header(&head) {
+        return vti::open(path, options);
+    }
+    if metaimage::is_header(&head) || name.ends_with(".mhd") || name.ends_with(".mha") {
+        return metaimage::open(path, options);
+    }
+    if name.ends_with(".sgy") || name.ends_with(".segy") {
+        return segy::open(path, options);
     }
     if tiff::is_header(&head) {
         return tiff::open(path, options);
