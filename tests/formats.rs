@@ -2,5 +2,15 @@
 
 mod common;
 
+#[path = "formats/arrays.rs"]
+mod arrays;
+#[path = "formats/hostile.rs"]
+mod hostile;
+#[path = "formats/pages.rs"]
+mod pages;
+#[path = "formats/plain.rs"]
+mod plain;
 #[path = "formats/table.rs"]
 mod table;
+#[path = "formats/write.rs"]
+mod write;
