@@ -74,10 +74,11 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn Input>> {
     let header = header(&page.shape, &mut stack, options.time)?;
     let planes = u64::from(stack.slices) * u64::from(stack.channels);
     let first_plane = planes * u64::from(options.time);
-    let planes = stack.pages.range(first_plane..first_plane + planes);
+    let planes = stack.pages.within(first_plane..first_plane + planes);
     let mut waiting: Vec<Plane> = planes
+        .into_iter()
         .map(|(plane, page)| Plane {
-            page: *page,
+            page,
             slice: ((plane - first_plane) / u64::from(stack.channels)) as u32,
             channel: (plane % u64::from(stack.channels)) as u32 * page_channels(&stack, &header),
         })
@@ -87,7 +88,7 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn Input>> {
         header,
         shape: page.shape,
         time: 0,
-        contiguous: (offsets.len() == 1 && stack.pages.len() > 1).then_some(page),
+        contiguous: (offsets.len() == 1 && stack.pages.count() > 1).then_some(page),
         file,
         offsets,
         waiting: waiting.into(),
@@ -103,12 +104,12 @@ fn page_channels(stack: &Stack, header: &Header) -> u32 {
 
 /// Refuses more voxels than the file can hold, whatever its compression.
 fn check_promise(file: &File, page: &Page, stack: &Stack) -> Result<()> {
-    let bytes = page.shape.bytes() * stack.pages.len() as u128;
+    let bytes = page.shape.bytes() * u128::from(stack.pages.count());
     let bytes_max = u128::from(file.bytes.left()) * u128::from(page.compression.expansion_max());
     if bytes > bytes_max {
         return Err(Error::input(format!(
             "promises {} pages of {} x {} pixels, {bytes} bytes, but its {} {} bytes hold {bytes_max} at most",
-            stack.pages.len(),
+            stack.pages.count(),
             page.shape.width,
             page.shape.height,
             file.bytes.left(),
@@ -126,7 +127,7 @@ fn header(shape: &Shape, stack: &mut Stack, time: u32) -> Result<Header> {
     }
     let planes = u64::from(stack.slices) * u64::from(stack.channels);
     let first = u64::from(time) * planes;
-    let present = stack.pages.range(first..first + planes).count() as u64;
+    let present = stack.pages.count_within(first..first + planes);
     let absent = (planes - present)
         .checked_mul(u64::from(shape.width) * u64::from(shape.height))
         .and_then(|voxels| voxels.checked_mul(u64::from(shape.channels)))

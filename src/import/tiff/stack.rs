@@ -1,6 +1,7 @@
 //! Which page is which slice, channel and time step: ImageJ's and OME's words for it.
 
 use std::collections::{BTreeMap, HashMap};
+use std::ops::Range;
 
 use crate::error::{Error, Result};
 use crate::import::text::{number, shown};
@@ -16,11 +17,50 @@ pub struct Stack {
     pub channels: u32,
     pub times: u32,
     /// Page of each plane there is: plane = (time * slices + slice) * channels + channel.
-    pub pages: BTreeMap<u64, usize>,
+    pub pages: Pages,
     /// Of x, y and z, where known.
     pub spacing: [Option<f64>; 3],
     pub unit: Option<String>,
     pub notes: Vec<String>,
+}
+
+/// Which page each plane is. What a description promises costs no memory before it is checked.
+#[derive(Debug)]
+pub enum Pages {
+    /// As many planes as pages, in the same order.
+    InOrder(u64),
+    /// By plane; no more of them than the file has pages.
+    Placed(BTreeMap<u64, usize>),
+}
+
+impl Pages {
+    /// Planes that have a page.
+    pub fn count(&self) -> u64 {
+        match self {
+            Pages::InOrder(count) => *count,
+            Pages::Placed(pages) => pages.len() as u64,
+        }
+    }
+
+    /// Planes that have a page, of some planes.
+    pub fn count_within(&self, planes: Range<u64>) -> u64 {
+        match self {
+            Pages::InOrder(count) => planes.end.min(*count).saturating_sub(planes.start),
+            Pages::Placed(pages) => pages.range(planes).count() as u64,
+        }
+    }
+
+    /// Plane and page of some planes.
+    pub fn within(&self, planes: Range<u64>) -> Vec<(u64, usize)> {
+        match self {
+            Pages::InOrder(count) => (planes.start..planes.end.min(*count))
+                .map(|plane| (plane, plane as usize))
+                .collect(),
+            Pages::Placed(pages) => {
+                pages.range(planes).map(|(plane, page)| (*plane, *page)).collect()
+            }
+        }
+    }
 }
 
 impl Stack {
@@ -37,7 +77,7 @@ impl Stack {
             slices: slices as u32,
             channels: channels as u32,
             times: times as u32,
-            pages: BTreeMap::new(),
+            pages: Pages::InOrder(0),
             spacing: [None; 3],
             unit: None,
             notes: Vec::new(),
@@ -52,7 +92,7 @@ impl Stack {
     /// Every page is a slice.
     pub fn plain(pages: usize) -> Result<Stack> {
         let mut stack = Stack::new("TIFF", [pages as u64, 1, 1])?;
-        stack.pages = (0..pages).map(|page| (page as u64, page)).collect();
+        stack.pages = Pages::InOrder(pages as u64);
         Ok(stack)
     }
 
@@ -75,7 +115,7 @@ impl Stack {
             )));
         }
         // ImageJ's order is always channel, slice, frame.
-        stack.pages = (0..images).map(|plane| (plane, plane as usize)).collect();
+        stack.pages = Pages::InOrder(images);
         stack.unit = fields.get("unit").map(|unit| unescaped(unit)).filter(|unit| unit != "pixel");
         let spacing = fields.get("spacing").and_then(|spacing| spacing.trim().parse::<f64>().ok());
         stack.spacing[2] = spacing.map(f64::abs).filter(|spacing| *spacing > 0.0);
@@ -113,8 +153,9 @@ impl Stack {
         }
         let mut stack =
             Stack::new("OME-TIFF", [count("SizeZ")?, channels / samples, count("SizeT")?])?;
+        let mut placed = BTreeMap::new();
         if data.is_empty() {
-            stack.place(&order, [0; 3], 0, pages);
+            stack.place(&mut placed, &order, [0; 3], 0, pages);
         }
         for tag in &data {
             let at = |name: &str| tag.get(name).map_or(Ok(0), |value| number::<u64>(name, value));
@@ -126,8 +167,15 @@ impl Stack {
                 None if tag.get("IFD").is_some() => 1,
                 None => pages as u64,
             };
-            stack.place(&order, first, page, count.min((pages - page) as u64) as usize);
+            stack.place(
+                &mut placed,
+                &order,
+                first,
+                page,
+                count.min((pages - page) as u64) as usize,
+            );
         }
+        stack.pages = Pages::Placed(placed);
         let unit = |name| pixels.get(name).unwrap_or("\u{b5}m");
         for (axis, name) in
             ["PhysicalSizeX", "PhysicalSizeY", "PhysicalSizeZ"].into_iter().enumerate()
@@ -149,7 +197,14 @@ impl Stack {
     }
 
     /// Gives `count` pages from `page` on to the planes from (slice, channel, time) on.
-    fn place(&mut self, order: &Order, first: [u64; 3], page: usize, count: usize) {
+    fn place(
+        &self,
+        placed: &mut BTreeMap<u64, usize>,
+        order: &Order,
+        first: [u64; 3],
+        page: usize,
+        count: usize,
+    ) {
         let sizes = [self.slices, self.channels, self.times].map(u64::from);
         if first.iter().zip(sizes).any(|(first, size)| *first >= size) {
             return;
@@ -160,7 +215,7 @@ impl Stack {
             let [slice, channel, time] =
                 std::array::from_fn(|axis| place / strides[axis] % sizes[axis]);
             let plane = (time * sizes[0] + slice) * sizes[1] + channel;
-            self.pages.insert(plane, page);
+            placed.insert(plane, page);
         }
     }
 }
@@ -201,9 +256,9 @@ mod tests {
         let text = "<OME><Pixels DimensionOrder='XYCTZ' SizeC='2' SizeT='3' SizeZ='2'/></OME>";
         let stack = Stack::ome(text, 12, 1).unwrap();
         // Page 7 is channel 1, time 0, slice 1.
-        assert_eq!(stack.pages[&3], 7);
+        assert!(stack.pages.within(3..4) == [(3, 7)]);
         let text = "<OME><Pixels DimensionOrder='XYZCT' SizeZ='4'><TiffData FirstZ='2' IFD='0'/></Pixels></OME>";
         let stack = Stack::ome(text, 1, 1).unwrap();
-        assert_eq!(stack.pages.into_iter().collect::<Vec<_>>(), [(2, 0)]);
+        assert_eq!(stack.pages.within(0..4), [(2, 0)]);
     }
 }
