@@ -10,6 +10,7 @@
 
 mod base64;
 mod blocks;
+mod bytes;
 mod linear;
 mod metaimage;
 mod nifti;
@@ -69,6 +70,8 @@ pub struct Run {
 /// What a file says about its voxels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Header {
+    /// The file, for messages.
+    pub path: PathBuf,
     /// Voxels along each axis.
     pub size: Size3,
     /// How many channels there are, at least 1.
@@ -127,19 +130,18 @@ impl Default for SegyFields {
 pub fn open(path: &Path, options: &Options) -> Result<Box<dyn Input>> {
     let placed = |why: Error| why.at(path.display());
     let input = recognise(path, options).map_err(placed)?;
-    let mut header = input.header().clone();
+    let mut header = Header { path: path.to_owned(), ..input.header().clone() };
     if let Some(spacing) = options.spacing {
         header.world_from_voxel = WorldFromVoxel::from_spacing(spacing).map_err(placed)?;
         if header.format_name != "raw" {
             header.notes.push("the spacing given replaces the file's own transform".to_owned());
         }
     }
-    Ok(Box::new(Placed { path: path.to_owned(), header, input }))
+    Ok(Box::new(Placed { header, input }))
 }
 
 /// An input whose errors name its file.
 struct Placed {
-    path: PathBuf,
     header: Header,
     input: Box<dyn Input>,
 }
@@ -150,7 +152,7 @@ impl Input for Placed {
     }
 
     fn next_run(&mut self) -> Result<Option<Run>> {
-        self.input.next_run().map_err(|why| why.at(self.path.display()))
+        self.input.next_run().map_err(|why| why.at(self.header.path.display()))
     }
 }
 

@@ -7,6 +7,7 @@ use std::io::{self, Read};
 use flate2::{Crc, read::DeflateDecoder};
 
 use crate::error::{Error, Result};
+use crate::import::bytes::{exactly, u16_at, u32_at, u64_at};
 use crate::import::stream::{Coding, Section, Stream};
 
 /// The end record is looked for in this many bytes: its own 22 and the longest comment.
@@ -41,7 +42,8 @@ pub fn members(archive: &Section) -> Result<Vec<Member>> {
         if !entry.starts_with(b"PK\x01\x02") {
             return Err(damaged());
         }
-        let (name, extra) = (u64::from(u16_at(&entry, 28)), u64::from(u16_at(&entry, 30)));
+        let (name, extra) =
+            (u64::from(u16_at(&entry, 28, false)), u64::from(u16_at(&entry, 30, false)));
         let rest = read(archive, at + 46, name + extra)?;
         let (name_bytes, extra_bytes) = rest.split_at(name as usize);
         let mut wide = wide_fields(extra_bytes);
@@ -49,20 +51,20 @@ pub fn members(archive: &Section) -> Result<Vec<Member>> {
             if short == u32::MAX { wide.next().ok_or_else(damaged) } else { Ok(u64::from(short)) }
         };
         // In this order: the wide field holds only what is too large, in turn.
-        let bytes = widened(u32_at(&entry, 24))?;
-        let packed = widened(u32_at(&entry, 20))?;
-        let offset = widened(u32_at(&entry, 42))?;
+        let bytes = widened(u32_at(&entry, 24, false))?;
+        let packed = widened(u32_at(&entry, 20, false))?;
+        let offset = widened(u32_at(&entry, 42, false))?;
         members.push(Member {
             name: String::from_utf8_lossy(name_bytes).into_owned(),
             archive: archive.clone(),
-            method: u16_at(&entry, 10),
-            encrypted: u16_at(&entry, 8) & 1 == 1,
-            crc: u32_at(&entry, 16),
+            method: u16_at(&entry, 10, false),
+            encrypted: u16_at(&entry, 8, false) & 1 == 1,
+            crc: u32_at(&entry, 16, false),
             packed,
             bytes,
             offset,
         });
-        at += 46 + name + extra + u64::from(u16_at(&entry, 32));
+        at += 46 + name + extra + u64::from(u16_at(&entry, 32, false));
     }
     Ok(members)
 }
@@ -77,7 +79,7 @@ impl Member {
         if !local.starts_with(b"PK\x03\x04") {
             return Err(damaged());
         }
-        let skip = 30 + u64::from(u16_at(&local, 26)) + u64::from(u16_at(&local, 28));
+        let skip = 30 + u64::from(u16_at(&local, 26, false)) + u64::from(u16_at(&local, 28, false));
         let packed = self.archive.part(self.offset.saturating_add(skip), self.packed);
         if packed.left() < self.packed {
             return Err(damaged());
@@ -129,27 +131,27 @@ fn directory_of(archive: &Section) -> Result<(u64, u64)> {
         .filter(|at| at + 22 <= tail.len())
         .ok_or_else(|| Error::input("is not a whole archive: its end record is missing"))?;
     let record = &tail[at..];
-    let (bytes, offset) = (u32_at(record, 12), u32_at(record, 16));
+    let (bytes, offset) = (u32_at(record, 12, false), u32_at(record, 16, false));
     if bytes != u32::MAX && offset != u32::MAX {
         return Ok((u64::from(offset), u64::from(bytes)));
     }
     let locator = (start + at as u64).checked_sub(20).ok_or_else(damaged)?;
     let locator = read(archive, locator, 20)?;
-    let wide = read(archive, u64_at(&locator, 8), 56)?;
+    let wide = read(archive, u64_at(&locator, 8, false), 56)?;
     if !locator.starts_with(b"PK\x06\x07") || !wide.starts_with(b"PK\x06\x06") {
         return Err(damaged());
     }
-    Ok((u64_at(&wide, 48), u64_at(&wide, 40)))
+    Ok((u64_at(&wide, 48, false), u64_at(&wide, 40, false)))
 }
 
 /// The numbers of the ZIP64 extra field, if there is one.
 fn wide_fields(mut extra: &[u8]) -> impl Iterator<Item = u64> {
     let mut found = Vec::new();
     while extra.len() >= 4 {
-        let (kind, bytes) = (u16_at(extra, 0), usize::from(u16_at(extra, 2)));
+        let (kind, bytes) = (u16_at(extra, 0, false), usize::from(u16_at(extra, 2, false)));
         let Some(field) = extra.get(4..4 + bytes) else { break };
         if kind == 1 {
-            found = field.chunks_exact(8).map(|number| u64_at(number, 0)).collect();
+            found = field.chunks_exact(8).map(|number| u64_at(number, 0, false)).collect();
         }
         extra = &extra[4 + bytes..];
     }
@@ -157,27 +159,9 @@ fn wide_fields(mut extra: &[u8]) -> impl Iterator<Item = u64> {
 }
 
 fn read(archive: &Section, offset: u64, bytes: u64) -> Result<Vec<u8>> {
-    let mut part = archive.part(offset, bytes);
-    if part.left() < bytes {
-        return Err(damaged());
-    }
-    let mut out = Vec::with_capacity(bytes as usize);
-    part.read_to_end(&mut out).map_err(|why| Error::input(format!("cannot be read: {why}")))?;
-    if (out.len() as u64) < bytes { Err(damaged()) } else { Ok(out) }
+    exactly(archive, offset, bytes).map_err(|_| damaged())
 }
 
 fn damaged() -> Error {
     Error::input("the archive's directory is damaged: get the whole file")
-}
-
-fn u16_at(bytes: &[u8], at: usize) -> u16 {
-    u16::from_le_bytes([bytes[at], bytes[at + 1]])
-}
-
-fn u32_at(bytes: &[u8], at: usize) -> u32 {
-    u32::from_le_bytes(std::array::from_fn(|index| bytes[at + index]))
-}
-
-fn u64_at(bytes: &[u8], at: usize) -> u64 {
-    u64::from_le_bytes(std::array::from_fn(|index| bytes[at + index]))
 }

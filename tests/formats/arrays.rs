@@ -109,13 +109,11 @@ fn numpy_refusals() {
     );
 }
 
+/// Packs one block.
+type Packer = Option<fn(&[u8]) -> Vec<u8>>;
+
 /// An array in VTK's words: a length or a table of blocks, and voxels.
-fn vtk_array(
-    voxels: &[u8],
-    packer: Option<fn(&[u8]) -> Vec<u8>>,
-    wide: bool,
-    big_endian: bool,
-) -> [Vec<u8>; 2] {
+fn vtk_array(voxels: &[u8], packer: Packer, wide: bool, big_endian: bool) -> [Vec<u8>; 2] {
     let number = |value: usize| {
         let bytes = if wide { 8 } else { 4 };
         let mut out = (value as u64).to_le_bytes()[..bytes].to_vec();
@@ -162,7 +160,6 @@ fn vti(attributes: &str, array: &str, text: &str) -> Vec<u8> {
 
 #[test]
 fn vti_of_every_encoding() {
-    type Packer = Option<fn(&[u8]) -> Vec<u8>>;
     let packers: [(&str, Packer); 3] = [
         ("", None),
         ("compressor='vtkZLibDataCompressor'", Some(zlib)),
@@ -340,9 +337,9 @@ fn segy_refusals() {
             segy(true, 3, 4, &[one.clone(), trace(90, 170, 1, true), trace(2, 2, 1, true)]),
             "check the byte positions",
         ),
-        (segy(true, 4, 4, &[one.clone()]), "sample format 4 is not supported"),
-        (segy(true, 77, 4, &[one.clone()]), "not known in either byte order"),
-        (segy(true, 3, 0, &[one.clone()]), "traces of 0 samples"),
+        (segy(true, 4, 4, std::slice::from_ref(&one)), "sample format 4 is not supported"),
+        (segy(true, 77, 4, std::slice::from_ref(&one)), "not known in either byte order"),
+        (segy(true, 3, 0, std::slice::from_ref(&one)), "traces of 0 samples"),
         (segy(true, 3, 4, &[]), "not whole traces"),
         (file[..file.len() - 1].to_vec(), "not whole traces"),
         (file[..3300].to_vec(), "file header cannot be read"),

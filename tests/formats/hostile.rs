@@ -160,7 +160,7 @@ fn mutated(seed: &[u8], random: &mut Random) -> Vec<u8> {
             2 => bytes.truncate(at),
             3 => {
                 let piece = [0u8, 0xff, 0x7f, 0x80][random.below(4)];
-                let end = (at + 1 << random.below(4)).min(bytes.len());
+                let end = (at + (1 << random.below(4))).min(bytes.len());
                 bytes[at.min(end)..end].fill(piece);
             }
             4 => {
@@ -238,7 +238,7 @@ fn mutated_files_are_refused_or_read() {
         let (mut good, mut bad) = (0, 0);
         let start = std::time::Instant::now();
         for number in 0..count {
-            let mut random = Random((index as u64 + 1) << 40 | (number + 1) * 0x9E37_79B9);
+            let mut random = Random(((index as u64 + 1) << 40) | ((number + 1) * 0x9E37_79B9));
             random.next();
             let bytes = mutated(seed, &mut random);
             let begun = std::time::Instant::now();
@@ -365,6 +365,11 @@ fn promises_of_many_voxels_are_refused() {
     assert!(refusal("a.tif", &stack, &options).contains("at most"));
     let ome = "<OME><Pixels DimensionOrder='XYZCT' SizeZ='1073741824' SizeC='1' SizeT='1073741824'/></OME>";
     assert!(refusal("a.tif", &page(&small, ome), &options).contains("promises 1073741824 slices"));
+    let ome = "<OME><Pixels DimensionOrder='XYZCT' SizeZ='16777216' SizeC='65536' SizeT='16777216'/></OME>";
+    assert!(
+        refusal("a.tif", &page(&small, ome), &options)
+            .contains("promises 16777216 slices, 65536 channels")
+    );
     let mut wide = segy(true, 3, 4, &[(1, 1, 1, vec![0; 8])]);
     wide[3500..3502].copy_from_slice(&[2, 0]);
     wide[3268..3272].copy_from_slice(&[0x7f, 0xff, 0xff, 0xff]);

@@ -255,6 +255,9 @@ fn ome_orders_units_and_missing_planes() {
         let absent = (20..40).contains(&index);
         assert!(if absent { got.is_nan() } else { *got == f32::from(want) }, "voxel {index}");
     }
+    let twice = ome("XYZCT", "<TiffData/><TiffData IFD='2'/>");
+    let file = described(&twice, &by_z, &LITTLE);
+    assert!(refusal("a.tif", &file, &Options::default()).contains("more than once"));
     let foreign = "<TiffData IFD='0'><UUID FileName='b.tif'>urn:uuid:2</UUID></TiffData>";
     let foreign = ome("XYZCT", foreign).replace("<OME>", "<OME UUID='urn:uuid:1'>");
     let file = described(&foreign, &by_z, &LITTLE);

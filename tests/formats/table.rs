@@ -103,8 +103,8 @@ fn check_header(header: &Header, expected: &Value) -> Result<(), String> {
         let half = 0.5 * (got[0] + got[1] + got[2]);
         let want_at = |column: usize| -> Option<f64> { expected["affine"][row][column].as_f64() };
         if want_at(0).is_some() {
-            for column in 0..3 {
-                close("affine", got[column], want_at(column).unwrap())?;
+            for (column, got) in got[..3].iter().enumerate() {
+                close("affine", *got, want_at(column).unwrap())?;
             }
             close("affine origin", got[3] + half, want_at(3).unwrap())?;
         } else if let Some(spacing) = expected["spacing"][row].as_f64() {

@@ -1,9 +1,10 @@
 //! The directories of a TIFF or BigTIFF file and the values of their tags.
 
 use std::collections::HashSet;
-use std::io::Read;
+use std::io;
 
 use crate::error::{Error, Result};
+use crate::import::bytes::exactly;
 use crate::import::stream::Section;
 
 /// Where a file's directories are and how its numbers lie.
@@ -98,20 +99,15 @@ impl File {
 
     /// Bytes of the file, all of them or an error.
     fn read(&self, offset: u64, bytes: u64) -> Result<Vec<u8>> {
-        let mut part = self.bytes.part(offset, bytes);
-        if part.left() < bytes {
-            return Err(Error::input(format!(
-                "the file is truncated: it has {} bytes, but {bytes} are promised at byte {offset}",
-                self.bytes.left()
-            )));
-        }
-        let mut out = Vec::with_capacity(bytes as usize);
-        part.read_to_end(&mut out)
-            .map_err(|why| Error::input(format!("cannot be read at byte {offset}: {why}")))?;
-        if (out.len() as u64) < bytes {
-            return Err(Error::input("the file became shorter while it was read"));
-        }
-        Ok(out)
+        exactly(&self.bytes, offset, bytes).map_err(|why| {
+            Error::input(match why.kind() {
+                io::ErrorKind::UnexpectedEof => format!(
+                    "the file is truncated: it has {} bytes, but {bytes} are promised at byte {offset}",
+                    self.bytes.left()
+                ),
+                _ => format!("cannot be read at byte {offset}: {why}"),
+            })
+        })
     }
 
     /// A whole number of up to eight bytes in the file's order.

@@ -8,6 +8,9 @@ use crate::import::text::{number, shown};
 use crate::import::xml::Tags;
 use crate::import::{CHANNELS_MAX, EDGE_VOXELS_MAX};
 
+/// Planes of one file: numbers of planes and sums of two of them stay far from overflow.
+const PLANES_MAX: u64 = 1 << 48;
+
 /// How pages make up volumes.
 #[derive(Debug)]
 pub struct Stack {
@@ -67,7 +70,10 @@ impl Stack {
     fn new(format_name: &'static str, counts: [u64; 3]) -> Result<Stack> {
         let [slices, channels, times] = counts;
         let max = [EDGE_VOXELS_MAX, CHANNELS_MAX, EDGE_VOXELS_MAX];
-        if counts.iter().zip(max).any(|(count, max)| *count == 0 || *count > max) {
+        let planes = counts.iter().map(|count| u128::from(*count)).product::<u128>();
+        if counts.iter().zip(max).any(|(count, max)| *count == 0 || *count > max)
+            || planes > u128::from(PLANES_MAX)
+        {
             return Err(Error::input(format!(
                 "its description promises {slices} slices, {channels} channels and {times} time steps"
             )));
@@ -154,6 +160,7 @@ impl Stack {
         let mut stack =
             Stack::new("OME-TIFF", [count("SizeZ")?, channels / samples, count("SizeT")?])?;
         let mut placed = BTreeMap::new();
+        let mut pages_used = 0;
         if data.is_empty() {
             stack.place(&mut placed, &order, [0; 3], 0, pages);
         }
@@ -167,13 +174,12 @@ impl Stack {
                 None if tag.get("IFD").is_some() => 1,
                 None => pages as u64,
             };
-            stack.place(
-                &mut placed,
-                &order,
-                first,
-                page,
-                count.min((pages - page) as u64) as usize,
-            );
+            let count = count.min((pages - page) as u64) as usize;
+            pages_used += count;
+            if pages_used > pages {
+                return Err(Error::input("its OME-XML places a page more than once"));
+            }
+            stack.place(&mut placed, &order, first, page, count);
         }
         stack.pages = Pages::Placed(placed);
         let unit = |name| pixels.get(name).unwrap_or("\u{b5}m");
