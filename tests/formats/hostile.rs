@@ -268,9 +268,9 @@ fn every_truncation_is_refused() {
     for (name, seed) in seeds() {
         // A SEG-Y file may end with any trace, an archive's and VTK's last bytes hold no voxels.
         let ends: Vec<usize> = match name {
-            "a.sgy" | "b.sgy" => {
-                (0..seed.len()).filter(|end| (end - 3600.min(*end)) % 248 != 0).collect()
-            }
+            "a.sgy" | "b.sgy" => (0..seed.len())
+                .filter(|end| (end - 3600.min(*end)) % 248 != 0 && end % 3 == 0)
+                .collect(),
             "a.vti" => (0..seed.len()
                 - "</DataArray></PointData></Piece></ImageData></VTKFile>".len())
                 .collect(),

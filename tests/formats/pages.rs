@@ -116,6 +116,39 @@ fn tiff_of_an_encoder_that_is_not_ours() {
 }
 
 #[test]
+fn tiff_horizontal_predictor_of_both_byte_orders() {
+    // Two samples a pixel; each is less the one of the same kind to its left.
+    let row = |y: usize| -> Vec<i16> {
+        let [a, b] = [values(0, 0), values(1, 0)];
+        (5 * y..5 * y + 5).flat_map(|index| [a[index] * 97, b[index]]).collect()
+    };
+    let rows: Vec<Vec<i16>> = (0..4).map(row).collect();
+    let differences = rows.iter().flat_map(|row| {
+        (0..10).map(
+            |index| if index < 2 { row[index] } else { row[index].wrapping_sub(row[index - 2]) },
+        )
+    });
+    let differences: Vec<i16> = differences.collect();
+    for big_endian in [false, true] {
+        for compression in [1, 8] {
+            let tiff = Tiff { big_endian, big: false, tiled: false };
+            let tags = [(256, 5), (257, 4), (259, compression), (262, 1), (277, 2), (317, 2)];
+            let mut tags: Vec<Tag> =
+                tags.into_iter().map(|(tag, value)| Tag::Numbers(tag, vec![value])).collect();
+            tags.extend([Tag::Numbers(258, vec![16; 2]), Tag::Numbers(339, vec![2; 2])]);
+            let bytes = bytes_of(&differences, big_endian);
+            let bytes = if compression == 8 { zlib(&bytes) } else { bytes };
+            let file = tiff.write(&[(tags, vec![bytes])]);
+            let (_, whole) = read("a.tif", &file, &Options::default()).unwrap();
+            for (c, channel) in whole.channels.iter().enumerate() {
+                let want = rows.iter().flat_map(|row| row.iter().skip(c).step_by(2)).copied();
+                assert_eq!(channel.voxels, Voxels::I16(want.collect()));
+            }
+        }
+    }
+}
+
+#[test]
 fn tiff_float_predictor() {
     // By the technical note: bytes of a row split by significance, then differences.
     let floats: Vec<f32> = values(0, 0)[..20].iter().map(|v| f32::from(*v) / 7.0).collect();
