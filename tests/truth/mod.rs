@@ -6,8 +6,8 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use ashfall::scene::{Overrides, Scene};
-use ashfall::volume::{ChannelVoxels, Size3, VolumeVoxels, Voxels};
+use ashfall::scene::{self, Overrides, Place, Scene, TransferFunction, TransferPoint};
+use ashfall::volume::{ChannelVoxels, Size3, VolumeVoxels, Voxels, WorldFromVoxel};
 use flate2::read::GzDecoder;
 
 /// ../shared, or what ASHFALL_SHARED names; nothing, said out loud, when it is not there.
@@ -64,4 +64,50 @@ impl Random {
     pub fn between(&mut self, least: f64, most: f64) -> f64 {
         least + (most - least) * self.unit()
     }
+}
+
+/// A transfer function of (at, colour, extinction) points.
+pub fn transfer(points: &[(f64, [f64; 3], f64)]) -> TransferFunction {
+    let point = |&(at, color, extinction)| TransferPoint { at, color, extinction };
+    TransferFunction::new(points.iter().map(point).collect()).expect("a good transfer function")
+}
+
+/// A scene volume with one channel per window and transfer function.
+pub fn volume(channels: &[([f64; 2], TransferFunction)]) -> scene::Volume {
+    let channel = |(index, (window, transfer)): (usize, &([f64; 2], TransferFunction))| {
+        scene::Channel { index: index as u32, window: *window, transfer: transfer.clone() }
+    };
+    scene::Volume {
+        name: "test".to_owned(),
+        source: scene::Source::Computed { kind: "test".to_owned(), size: Size3::cube(1) },
+        world_from_voxel: None,
+        channels: channels.iter().enumerate().map(channel).collect(),
+        place: Place::Code,
+    }
+}
+
+/// A volume of one f32 channel, its value given per voxel.
+pub fn voxels(
+    size: [u32; 3],
+    rows: [[f64; 4]; 3],
+    value: impl Fn(u32, u32, u32) -> f32,
+) -> VolumeVoxels {
+    let [nx, ny, nz] = size;
+    let xy = |z: u32| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z]));
+    let values = (0..nz).flat_map(xy).map(|[x, y, z]| value(x, y, z)).collect();
+    VolumeVoxels {
+        size: Size3::from_array(size),
+        world_from_voxel: WorldFromVoxel::from_rows(rows).expect("a good transform"),
+        channels: vec![channel(Voxels::F32(values))],
+    }
+}
+
+/// Rows of a transform by spacing and origin.
+pub fn rows(spacing: [f64; 3], origin: [f64; 3]) -> [[f64; 4]; 3] {
+    let mut rows = [[0.0; 4]; 3];
+    for axis in 0..3 {
+        rows[axis][axis] = spacing[axis];
+        rows[axis][3] = origin[axis];
+    }
+    rows
 }
