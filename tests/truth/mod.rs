@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use ashfall::scene::{self, Overrides, Place, Scene, TransferFunction, TransferPoint};
 use ashfall::volume::{ChannelVoxels, Size3, VolumeVoxels, Voxels, WorldFromVoxel};
 use flate2::read::GzDecoder;
+use glam::DVec3;
 
 /// ../shared, or what ASHFALL_SHARED names; nothing, said out loud, when it is not there.
 pub fn shared() -> Option<PathBuf> {
@@ -110,4 +111,40 @@ pub fn rows(spacing: [f64; 3], origin: [f64; 3]) -> [[f64; 4]; 3] {
         rows[axis][3] = origin[axis];
     }
     rows
+}
+
+/// Colour and extinction of a windowed value, by a plain search.
+pub fn classified(transfer: &TransferFunction, unit: f64) -> ([f64; 3], f64) {
+    let points = transfer.points();
+    let after = points.iter().take_while(|point| point.at <= unit).count();
+    if after == 0 || after == points.len() {
+        let point = points[after.saturating_sub(1)];
+        return (point.color, point.extinction);
+    }
+    let (p, q) = (points[after - 1], points[after]);
+    let part = (unit - p.at) / (q.at - p.at);
+    let mix = |a: f64, b: f64| a + (b - a) * part;
+    let color = [0, 1, 2].map(|c| mix(p.color[c], q.color[c]));
+    (color, mix(p.extinction, q.extinction))
+}
+
+/// The trilinear stored value of a channel at a position in voxels, by its definition.
+pub fn sampled(voxels: &VolumeVoxels, channel: usize, position: DVec3) -> f64 {
+    let size = voxels.size.to_array();
+    let mut value = 0.0;
+    for corner in 0..8 {
+        let mut weight = 1.0;
+        let mut voxel = [0; 3];
+        for axis in 0..3 {
+            let place = position[axis] - 0.5;
+            let (below, fraction) = (place.floor(), place - place.floor());
+            let is_upper = corner >> axis & 1 == 1;
+            weight *= if is_upper { fraction } else { 1.0 - fraction };
+            let index = below as i64 + i64::from(is_upper);
+            voxel[axis] = index.clamp(0, i64::from(size[axis]) - 1) as u32;
+        }
+        let index = voxels.size.index(voxel[0], voxel[1], voxel[2]);
+        value += weight * f64::from(voxels.channels[channel].voxels.value(index));
+    }
+    value
 }
