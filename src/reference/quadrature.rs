@@ -66,26 +66,29 @@ impl Sum {
 }
 
 /// A ray's colour and optical depth so far, front to back.
-#[derive(Clone, Copy, Debug)]
 pub struct Progress {
     color: [Sum; 3],
     depth: Sum,
     tolerance: f64,
     color_max: f64,
-    brightest: f64,
+    depth_opaque: f64,
+    /// Ends of the parts of a stretch that are still to be done, nearest last.
+    ends: [f64; PARTS_MAX],
 }
 
 impl Progress {
     /// Nothing yet. No colour of any channel is brighter than `color_max`, nor the background or
     /// alpha than `background_max`; `tolerance` is the greatest absolute error of the whole ray.
     pub fn new(tolerance: f64, color_max: f64, background_max: f64) -> Progress {
+        // Colours may be so bright that f64 cannot hold them to the tolerance.
+        let tolerance = tolerance.max(1e-14 * color_max);
         Progress {
             color: [Sum::default(); 3],
             depth: Sum::default(),
-            // Colours may be so bright that f64 cannot hold them to the tolerance.
-            tolerance: tolerance.max(1e-14 * color_max),
+            tolerance,
             color_max,
-            brightest: color_max.max(background_max),
+            depth_opaque: (color_max.max(background_max) / (TAIL_PART * tolerance)).ln(),
+            ends: [1.0; PARTS_MAX],
         }
     }
 
@@ -101,7 +104,7 @@ impl Progress {
 
     /// Whether nothing behind `depth` can change the pixel by its part of the tolerance.
     pub fn is_opaque_behind(&self, depth: f64) -> bool {
-        (-depth).exp() * self.brightest <= TAIL_PART * self.tolerance
+        depth >= self.depth_opaque
     }
 
     /// Adds a stretch of `length` world units.
@@ -110,11 +113,11 @@ impl Progress {
         let before = self.depth.value();
         // Parts are accepted from the front; each keeps an error in proportion to its own weight,
         // so that all errors of a ray together are at most its opacity times the tolerance.
-        let mut ends = [1.0; PARTS_MAX];
+        self.ends[0] = 1.0;
         let mut count = 1;
         let mut start = 0.0;
         while count > 0 {
-            let end = ends[count - 1];
+            let end = self.ends[count - 1];
             let middle = 0.5 * (start + end);
             let depth_start = depth_of.at(start);
             let depth = (depth_of.at(end) - depth_start).max(0.0);
@@ -126,13 +129,14 @@ impl Progress {
                 let more = rule(&MORE, terms, &depth_of, start, end);
                 let difference =
                     (0..3).map(|c| (few[c] - more[c]).abs() * length).fold(0.0, f64::max);
-                let weight = -(-depth).exp_m1();
+                // Not more than 1 - exp(-depth), and cheaper.
+                let weight = depth / (1.0 + depth);
                 let allowed = self.tolerance * (0.5 * weight + 1e-6) + 1e-16 * self.color_max;
                 (difference <= allowed || !may_halve).then_some(more)
             };
             match color {
                 None => {
-                    ends[count] = middle;
+                    self.ends[count] = middle;
                     count += 1;
                 }
                 Some(color) => {

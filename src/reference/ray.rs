@@ -102,7 +102,9 @@ impl Ray<'_> {
             for (channel, corners) in walk.channels.iter().enumerate().filter(|(_, c)| c.shows) {
                 let unit = cell::along(&corners.units, from, until);
                 let rgb = corners.rgb.map(|rgb| rgb.map(|c| cell::along(&c, from, until)));
-                unit.crossings(volume.channels[channel].classifier.cuts(), cuts);
+                if corners.crosses {
+                    unit.crossings(volume.channels[channel].classifier.cuts(), cuts);
+                }
                 shown.push(Shown { volume: index, channel, unit, rgb });
             }
         }
@@ -189,6 +191,8 @@ struct Walk {
 #[derive(Clone, Copy, Default)]
 struct Corners {
     shows: bool,
+    /// Whether the transfer function has a cut between them.
+    crosses: bool,
     units: [f64; 8],
     rgb: Option<[[f64; 8]; 3]>,
 }
@@ -282,12 +286,20 @@ impl Walk {
             let corners = volume.grid.corners(self.cell);
             for (cell, channel) in self.channels.iter_mut().zip(&volume.channels) {
                 let stored = cell::stored(channel.voxels, &corners);
-                let least = stored.iter().copied().fold(f32::INFINITY, f32::min);
-                let greatest = stored.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-                cell.shows = channel.classifier.shows(least, greatest)
-                    && !stored.iter().any(|value| value.is_nan());
+                let (mut least, mut greatest, mut any_nan) = (stored[0], stored[0], false);
+                for value in stored {
+                    least = least.min(value);
+                    greatest = greatest.max(value);
+                    any_nan |= value.is_nan();
+                }
+                let classifier = &channel.classifier;
+                let between = [classifier.unit(least), classifier.unit(greatest)];
+                cell.shows = !any_nan && classifier.shows(between);
                 if cell.shows {
-                    cell.units = stored.map(|value| channel.classifier.unit(value));
+                    cell.crosses = classifier.crosses(between);
+                    for (unit, value) in cell.units.iter_mut().zip(stored) {
+                        *unit = classifier.unit(value);
+                    }
                     cell.rgb = cell::stored_rgb(channel.voxels, &corners);
                     self.any_shows = true;
                 }
