@@ -49,12 +49,12 @@ fn hostile_voxels(random: &mut Random) -> VolumeVoxels {
         0.25,
     ];
     let with_nan = random.unit() < 0.3;
+    let size = pick(random, &sizes);
     let cell = std::cell::RefCell::new(random);
-    let mut made =
-        voxels(pick(&mut cell.borrow_mut(), &sizes), rows(spacing, origin), |_, _, _| {
-            let random = &mut cell.borrow_mut();
-            if with_nan && random.unit() < 0.2 { f32::NAN } else { pick(random, &palette) }
-        });
+    let mut made = voxels(size, rows(spacing, origin), |_, _, _| {
+        let random = &mut cell.borrow_mut();
+        if with_nan && random.unit() < 0.2 { f32::NAN } else { pick(random, &palette) }
+    });
     let random = cell.into_inner();
     made.channels[0].slope = pick(random, &[1.0, -1.0, 0.0, 1e-30, 1e30]);
     made.channels[0].intercept = pick(random, &[0.0, 0.5, -1e20]);
@@ -122,14 +122,19 @@ fn a_long_way_adds_up() {
 /// Extinction that rises from 0 to 1e12 along a ramp: all of the light comes from its very foot.
 #[test]
 fn a_cliff_of_extinction_shows_its_foot() {
-    let ramp = voxels([2, 1, 1], rows([1.0; 3], [0.0; 3]), |x, _, _| x as f32);
-    let points = [(0.0, [0.0; 3], 0.0), (1.0, [1.0; 3], 1e12)];
-    let scene = volume(&[([0.0, 1.0], transfer(&points))]);
-    let got = one_pixel(DVec3::new(-1.0, 0.5, 0.5), DVec3::X, &scene, &ramp);
     // The integral of k x^2 exp(-k x^2 / 2) is sqrt(pi / (2 k)).
     let expected = (std::f64::consts::PI / 2e12).sqrt();
-    assert!((got[0] / expected - 1.0).abs() < 1e-6, "{} is not {expected}", got[0]);
-    assert!((got[0] - expected).abs() < 1e-12 && got[3] == 1.0, "{got:?}");
+    // Rising with the value, and rising against it: the foot is a difference of large numbers then.
+    let rising = (0.0, [(0.0, [0.0; 3], 0.0), (1.0, [1.0; 3], 1e12)]);
+    let falling = (1.0, [(0.0, [1.0; 3], 1e12), (1.0, [0.0; 3], 0.0)]);
+    for (first, points) in [rising, falling] {
+        let value = |x, _, _| (x as f32 - first as f32).abs();
+        let ramp = voxels([2, 1, 1], rows([1.0; 3], [0.0; 3]), value);
+        let scene = volume(&[([0.0, 1.0], transfer(&points))]);
+        let got = one_pixel(DVec3::new(-1.0, 0.5, 0.5), DVec3::X, &scene, &ramp);
+        assert!((got[0] / expected - 1.0).abs() < 1e-6, "{} is not {expected}", got[0]);
+        assert!((got[0] - expected).abs() < 1e-12 && got[3] == 1.0, "{got:?}");
+    }
 }
 
 /// u16 and i16 channels, their sum and an rgba channel beside them.

@@ -145,24 +145,29 @@ impl Shown {
         }
         let is_linear = piece.start.is_finite() && piece.end.is_finite();
         let unit = if is_linear {
+            let mut unit = self.unit.restricted(start, width);
+            let at_ends = [unit.0[0], unit.at(1.0)];
+            // Rounding may put the ends beside the piece, and a steep piece would make much of it.
+            let [first, last] = at_ends.map(|end| end.clamp(piece.start, piece.end));
             let largest = self.unit.0.iter().fold(0.0, |most: f64, c| most.max(c.abs()));
             if largest * 1e-15 > 1e-6 * (piece.end - piece.start) {
                 // Corner values so far outside the window that f64 cannot hold the differences
                 // within it: the crossing is all but instantaneous, and straight.
-                let [a, b] = [start, end]
-                    .map(|x| self.unit.at(x).clamp(piece.start, piece.end) - piece.anchor);
-                Cubic([a, b - a, 0.0, 0.0])
+                unit = Cubic([first - piece.anchor, last - first, 0.0, 0.0]);
             } else {
-                let mut unit = self.unit.restricted(start, width);
-                unit.0[0] -= piece.anchor;
-                unit
+                let moved = [first - at_ends[0], last - at_ends[1]];
+                unit.0[0] += moved[0] - piece.anchor;
+                unit.0[1] += moved[1] - moved[0];
             }
+            unit
         } else {
             Cubic([0.0; 4])
         };
+        let mut extinction = Cubic(unit.0.map(|c| piece.extinction_slope * c));
+        extinction.0[0] += piece.extinction;
         Some(Term {
             unit,
-            extinction: [piece.extinction, piece.extinction_slope],
+            extinction,
             color: piece.color,
             color_slope: piece.color_slope,
             rgb: self.rgb.map(|rgb| rgb.map(|c| c.restricted(start, width))),
