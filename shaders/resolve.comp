@@ -10,7 +10,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "common/limits.glsl"
 #include "common/ray.glsl"
-#include "common/exponential.glsl"
+#include "common/ray_resolve.glsl"
 
 layout(local_size_x = GROUP_WIDTH, local_size_y = GROUP_HEIGHT) in;
 
@@ -31,8 +31,7 @@ void main() {
     }
     uint ray = pixel.y * push.tile_size_pixel.x + pixel.x;
     RayState state = state_of_ray[ray];
-    Attenuation attenuation = attenuate(state.optical_depth);
-    pixels[ray] = vec4(state.color + attenuation.transmitted * push.background, attenuation.absorbed);
+    pixels[ray] = resolve_ray(state, push.background);
     // No sum over the workgroup first: where the CPU computes, a barrier costs more than it saves.
     uint before = atomicAdd(samples_low, state.samples_taken);
     if (before + state.samples_taken < before) {
