@@ -43,6 +43,8 @@ pub struct Member {
     pub offset: usize,
     /// Bytes; 0 for a runtime array, whose elements follow.
     pub bytes: usize,
+    /// Bytes from one element to the next; 0 for what is no array.
+    pub stride: usize,
 }
 
 /// See the module.
@@ -133,12 +135,22 @@ fn members_of(ty: &Type, prefix: &str, base: usize, members: &mut Vec<Member>) {
                 match &member.ty {
                     Type::Struct(_) => members_of(&member.ty, &name, offset, members),
                     Type::Array(array) if array.nelement.is_none() => {
-                        members.push(Member { name: format!("{name}[]"), offset, bytes: 0 });
+                        let stride = array.stride.unwrap_or(0);
+                        members.push(Member {
+                            name: format!("{name}[]"),
+                            offset,
+                            bytes: 0,
+                            stride,
+                        });
                         members_of(&array.element_ty, "", 0, members);
                     }
                     other => {
                         let bytes = other.nbyte().unwrap_or(0);
-                        members.push(Member { name, offset, bytes });
+                        let stride = match other {
+                            Type::Array(array) => array.stride.unwrap_or(0),
+                            _ => 0,
+                        };
+                        members.push(Member { name, offset, bytes, stride });
                     }
                 }
             }

@@ -46,10 +46,7 @@ impl Scene {
     /// As [`Scene::load`].
     pub fn from_toml(text: &str, path: &Path, overrides: &Overrides) -> Result<Scene> {
         let check = Check { path, text };
-        let file: SceneFile = toml::from_str(text).map_err(|why| {
-            let place = check.place(&why.span().unwrap_or(0..0));
-            place.error(why.message().trim().replace('\n', ", "))
-        })?;
+        let file: SceneFile = toml::from_str(text).map_err(|why| check.not_a_scene(why))?;
         check.scene(file, overrides)
     }
 }
@@ -72,6 +69,32 @@ impl Check<'_> {
 
     fn start(&self) -> Place {
         self.place(&(0..0))
+    }
+
+    /// What TOML or the types of keys refuse, with the key's name.
+    fn not_a_scene(&self, mut why: toml::de::Error) -> Error {
+        let span = why.span().unwrap_or(0..0);
+        // Without the text at hand, the error tells the key instead of drawing the place.
+        why.set_input(None);
+        let said = why.to_string();
+        let message = why.message().trim().replace('\n', ", ");
+        let key = said.rsplit_once("\nin `").map(|(_, key)| key.trim_end().trim_end_matches('`'));
+        let remedy = match key {
+            Some(list @ ("volume" | "view" | "volume.channel"))
+                if message.contains("expected a sequence") =>
+            {
+                format!(": write it in double brackets, [[{list}]]")
+            }
+            _ => String::new(),
+        };
+        let message = match (key, self.text.get(span.clone())) {
+            (Some(key), _) => format!("{key}: {message}{remedy}"),
+            (None, Some(word)) if message == "duplicate key" => {
+                format!("{} is given twice: leave one", word.trim())
+            }
+            _ => message,
+        };
+        self.place(&span).error(message)
     }
 
     fn located<T>(&self, value: Spanned<T>) -> Located<T> {
@@ -304,7 +327,19 @@ impl Check<'_> {
                 return Err(refuse(&source_place, "source must not be empty"));
             }
             SourceFile::Path(path) => {
-                let raw = file.raw.map(|raw| self.raw(&name, raw.into_inner())).transpose()?;
+                let raw = match (file.raw, import_knows(&path)) {
+                    (Some(raw), Some(ending)) => {
+                        let why =
+                            format!("raw belongs to raw files, not to {ending}: leave it out");
+                        return Err(refuse(&self.place(&raw.span()), &why));
+                    }
+                    (None, None) if is_raw(&path) => {
+                        let why = "a raw file does not say how its voxels lie: \
+                            add raw = { size = [x, y, z], type = \"u8\" }";
+                        return Err(refuse(&source_place, why));
+                    }
+                    (raw, _) => raw.map(|raw| self.raw(&name, raw.into_inner())).transpose()?,
+                };
                 let folder = self.path.parent().unwrap_or(Path::new(""));
                 Source::File { path: folder.join(path), raw }
             }
@@ -506,8 +541,24 @@ impl Check<'_> {
                 return Err(refuse(&place, "give one of fov_degrees, height and frustum"));
             }
         };
-        let (eye, target_place) = (eye.value, target.place);
-        View::looking_at(name.clone(), eye, target.value, up.value, projection)
-            .map_err(|why| refuse(&target_place, why))
+        View::looking_at(name.clone(), eye.value, target.value, up.value, projection)
+            .map_err(|(key, why)| refuse(if key == "up" { &up.place } else { &target.place }, why))
     }
+}
+
+/// Endings of files that say themselves how their voxels lie.
+fn import_knows(path: &str) -> Option<&'static str> {
+    const ENDINGS: [&str; 12] = [
+        ".bricks", ".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".tif", ".tiff", ".npy",
+        ".vti", ".segy",
+    ];
+    let path = path.to_ascii_lowercase();
+    ENDINGS.into_iter().find(|ending| path.ends_with(ending))
+}
+
+/// Whether a file's name says that it holds voxels and nothing else.
+fn is_raw(path: &str) -> bool {
+    let path = path.to_ascii_lowercase();
+    let plain = path.strip_suffix(".gz").or(path.strip_suffix(".zst")).unwrap_or(&path);
+    plain.ends_with(".raw") || plain.ends_with(".bin")
 }
