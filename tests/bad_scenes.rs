@@ -63,10 +63,10 @@ const FORMAT_AND_TABLES: &[Bad] = &[
     ("{ at = 0.0,", "{ @place = 0.0,", &["place", "`at`"]),
     (FOV, "@fov = 40.0", &["fov", "`fov_degrees`"]),
     ("[[view]]", "@[view]", &["view", "[[view]]"]),
-    ("[[volume.channel]]", "[@volume.channel]", &["volume"]),
-    ("[[view]]", "[[view]", &["view"]),
+    ("[[volume.channel]]", "@[volume.channel]", &["volume.channel", "[[volume.channel]]"]),
+    ("[[view]]", "[[view]@", &["expected `]`"]),
     ("step = 0.5", "step = 0.5\n@step = 0.25", &["step", "twice"]),
-    ("name = \"ball\"", "name = @\"ball", &["expected `\"`"]),
+    ("name = \"ball\"", "name = \"ball@", &["expected `\"`"]),
     ("[picture]", "[picture", &["expected `]`"]),
 ];
 
@@ -200,7 +200,7 @@ const VOLUMES: &[Bad] = &[
 ];
 
 const CHANNELS: &[Bad] = &[
-    ("index = 0", "index = @-1", &["index", "negative"]),
+    ("index = 0", "index = @-1", &["index", "0 to 4294967295", "-1"]),
     ("index = 0", "index = @4294967296", &["index", "4294967295"]),
     ("window = [0.0, 255.0]", "", &["channel 0", "window = [lo, hi]", "missing"]),
     ("window = [0.0, 255.0]", "window = @[255.0, 0.0]", &["window", "lo < hi"]),
@@ -227,7 +227,7 @@ const CHANNELS: &[Bad] = &[
         "  { at = 0, color = [1, 1, 1], extinction = 1 },\n  @{ at = 0, color = [1, 1, 1], extinction = 1 },",
         &["two points", "three"],
     ),
-    ("index = 0", "index = @1", &["index 1"]),
+    ("[[volume.channel]]\nindex = 0", "@[[volume.channel]]\nindex = 1", &["index 1", "index 0"]),
 ];
 
 const VIEWS: &[Bad] = &[
@@ -405,14 +405,11 @@ fn numbers(text: &str) -> Vec<(usize, usize, String)> {
 
 #[test]
 fn numbers_are_found_with_their_keys() {
-    let found: Vec<_> = numbers("a = 1\nb = { c = [-2.5, 3], d = 4e5 }\n")
-        .into_iter()
-        .map(|(start, end, key)| (start, end, key))
-        .collect();
+    let found = numbers("a = 1\nb = { c = [-2.5, 3], d = 4e5 }\n");
     let keys: Vec<_> = found.iter().map(|(_, _, key)| key.as_str()).collect();
     assert_eq!(keys, ["a", "c", "c", "d"]);
-    assert_eq!((found[1].0, found[1].1), (15, 19));
-    assert_eq!(numbers(GOOD).len(), 37);
+    assert_eq!((found[1].0, found[1].1), (17, 21));
+    assert_eq!(numbers(GOOD).len(), 41);
 }
 
 #[test]

@@ -62,12 +62,6 @@ fn load_volume(volume: &Volume, scene: &Scene) -> Result<VolumeVoxels> {
         Source::Computed { kind, size } => {
             let field = computed(kind, *size).map_err(at_place)?;
             check_memory(*size, field.format(), 1, scene).map_err(at_place)?;
-            if let Some(channel) = volume.channels.iter().find(|channel| channel.index > 0) {
-                return Err(at_place(Error::input(format!(
-                    "channel index {} is not there: a computed source has one channel, index 0",
-                    channel.index
-                ))));
-            }
             let unit = WorldFromVoxel::from_spacing([1.0; 3]).map_err(at_place)?;
             field.whole(volume.world_from_voxel.unwrap_or(unit)).map_err(at_place)
         }

@@ -19,6 +19,8 @@ use crate::volume::{RawLayout, Size3, VoxelFormat, WorldFromVoxel};
 const PICTURE_EDGE_PIXELS_MAX: i64 = 32_768;
 /// Voxels along one axis: positions keep their integer part in 31 bits with room for differences.
 const VOLUME_EDGE_VOXELS_MAX: i64 = 1 << 24;
+/// World units: lengths and places beyond have no picture in f32.
+const WORLD_MAX: f64 = 1e30;
 /// Channels of one volume drawn in one pass.
 const CHANNELS_MAX: usize = 16;
 
@@ -32,10 +34,9 @@ impl Scene {
             .map_err(|why| Error::input(format!("{}: cannot be read: {why}", path.display())))?;
         let text = String::from_utf8(bytes).map_err(|why| {
             let at = why.utf8_error().valid_up_to();
-            Error::input(format!(
-                "{}: is not text: byte {at} is not UTF-8; a scene is a TOML file",
-                path.display()
-            ))
+            let before = String::from_utf8_lossy(&why.as_bytes()[..at]);
+            Place::in_file(path, &before, &(at..at))
+                .error("is not UTF-8 from here on: a scene is a TOML file, saved as UTF-8")
         })?;
         Scene::from_toml(&text, path, overrides)
     }
@@ -362,10 +363,12 @@ impl Check<'_> {
             }
             (Some(spacing), None) => Some(
                 WorldFromVoxel::from_spacing(spacing.value)
+                    .and_then(|map| within_world(map, "spacing"))
                     .map_err(|why| refuse(&spacing.place, &why.message))?,
             ),
             (None, Some(transform)) => Some(
                 WorldFromVoxel::from_rows(transform.value)
+                    .and_then(|map| within_world(map, "transform"))
                     .map_err(|why| refuse(&transform.place, &why.message))?,
             ),
             (None, None) => None,
@@ -384,6 +387,10 @@ impl Check<'_> {
         for (position, channel) in file.channel.into_iter().enumerate() {
             let place = self.place(&channel.span());
             let channel = self.channel(&name, position, self.located(channel))?;
+            if matches!(source, Source::Computed { .. }) && channel.index > 0 {
+                let why = "is not there: a computed source has one channel, index 0";
+                return Err(refuse(&place, &format!("channel index {} {why}", channel.index)));
+            }
             if !indices.insert(channel.index) {
                 return Err(refuse(&place, &format!("shows channel {} twice", channel.index)));
             }
@@ -441,7 +448,8 @@ impl Check<'_> {
         let index = match file.index.map(|index| self.located(index)) {
             None => position as u32,
             Some(index) => u32::try_from(index.value).map_err(|_| {
-                refuse(&index.place, format!("index must not be negative, got {}", index.value))
+                let why = format!("index must be 0 to {}, got {}", u32::MAX, index.value);
+                refuse(&index.place, why)
             })?,
         };
         let Some(window) = file.window.map(|window| self.located(window)) else {
@@ -497,7 +505,7 @@ impl Check<'_> {
                 return Err(refuse(&place, &format!("{key} = [x, y, z] is missing")));
             };
             let vector = DVec3::from_array(value.value);
-            if vector.abs().max_element() <= 1e30 && vector.is_finite() {
+            if vector.abs().max_element() <= WORLD_MAX && vector.is_finite() {
                 return Ok(Located { value: vector, place: value.place });
             }
             let why = format!("{key} must be finite and within 1e30, got {:?}", value.value);
@@ -519,7 +527,7 @@ impl Check<'_> {
                 Projection::Perspective { fov_degrees: fov.value }
             }
             (None, Some(height), None) => {
-                if !(height.value > 0.0 && height.value <= 1e30) {
+                if !(height.value > 0.0 && height.value <= WORLD_MAX) {
                     let why = format!("height must be positive and finite, got {}", height.value);
                     return Err(refuse(&height.place, &why));
                 }
@@ -544,6 +552,20 @@ impl Check<'_> {
         View::looking_at(name.clone(), eye.value, target.value, up.value, projection)
             .map_err(|(key, why)| refuse(if key == "up" { &up.place } else { &target.place }, why))
     }
+}
+
+/// Refuses voxels whose edges, or a place that, f32 cannot hold with room for products.
+fn within_world(map: WorldFromVoxel, key: &str) -> Result<WorldFromVoxel> {
+    let edges = map.spacing().to_array();
+    let origin = map.point(DVec3::ZERO).abs().max_element();
+    if edges.iter().all(|edge| (1.0 / WORLD_MAX..=WORLD_MAX).contains(edge)) && origin <= WORLD_MAX
+    {
+        return Ok(map);
+    }
+    Err(Error::input(format!(
+        "{key} must give voxel edges within {:e} and {WORLD_MAX:e} and an origin within {WORLD_MAX:e}, got edges {edges:?}",
+        1.0 / WORLD_MAX
+    )))
 }
 
 /// Endings of files that say themselves how their voxels lie.
