@@ -296,6 +296,17 @@ fn output_that_cannot_be_written() {
     assert_eq!(compare(&folder, "a.exr", "b.exr", &flags).code, Some(2));
 }
 
+/// No device is a failure, unless the environment says out loud that there is none.
+fn no_device(run: &Run) {
+    let sentence = run.sentence().expect("one sentence");
+    assert!(sentence.contains("Vulkan"), "{sentence}");
+    assert!(
+        std::env::var_os("ASHFALL_NO_DEVICE").is_some(),
+        "no Vulkan device: install one, or set ASHFALL_NO_DEVICE=1 to do without: {sentence}"
+    );
+    eprintln!("SKIPPED, because ASHFALL_NO_DEVICE is set: {sentence}");
+}
+
 /// A machine without Vulkan is refused with a sentence; one with it lists its devices.
 #[test]
 fn devices_are_listed_or_missed_in_a_sentence() {
@@ -310,7 +321,7 @@ fn devices_are_listed_or_missed_in_a_sentence() {
             assert_eq!(text.code, Some(0));
             assert!(text.stdout.contains(devices[0]["name"].as_str().expect("a name")));
         }
-        Some(4) => assert!(run.sentence().expect("one sentence").contains("Vulkan")),
+        Some(4) => no_device(&run),
         code => panic!("exit code {code:?}: {}", run.stderr),
     }
 }
@@ -328,7 +339,7 @@ fn plans_as_json() {
             assert_eq!(plan["views"], serde_json::json!(["front", "side"]));
             assert!(plan["passes"].as_array().is_some_and(|passes| passes.len() == 3), "{plan}");
         }
-        Some(4) => assert!(run.sentence().expect("one sentence").contains("Vulkan")),
+        Some(4) => no_device(&run),
         code => panic!("exit code {code:?}: {}", run.stderr),
     }
     let run = ashfall([

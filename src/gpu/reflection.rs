@@ -1,5 +1,7 @@
 //! What a SPIR-V module says of itself: bindings by name, push constants, workgroup, size.
 
+use std::collections::HashMap;
+
 use spirq::ReflectConfig;
 use spirq::ty::{AccessType, DescriptorType, Type};
 use spirq::var::Variable;
@@ -164,6 +166,10 @@ fn scan(spirv: &[u32]) -> Result<([u32; 3], u32), String> {
     const MAGIC: u32 = 0x0723_0203;
     const OP_EXECUTION_MODE: u32 = 16;
     const MODE_LOCAL_SIZE: u32 = 17;
+    // SPIR-V 1.6 names constants, defined further on, where older versions give numbers.
+    const OP_EXECUTION_MODE_ID: u32 = 331;
+    const MODE_LOCAL_SIZE_ID: u32 = 38;
+    const OP_CONSTANT: u32 = 43;
     const OP_FUNCTION: u32 = 54;
     const OP_FUNCTION_END: u32 = 56;
     const OP_LINE: u32 = 8;
@@ -171,7 +177,9 @@ fn scan(spirv: &[u32]) -> Result<([u32; 3], u32), String> {
     if spirv.first() != Some(&MAGIC) || spirv.len() < 5 {
         return Err("not a SPIR-V module".to_owned());
     }
-    let mut workgroup = [1; 3];
+    let mut workgroup = None;
+    let mut workgroup_ids = None;
+    let mut constants = HashMap::new();
     let mut instructions = 0;
     let mut inside = false;
     let mut at = 5;
@@ -182,7 +190,15 @@ fn scan(spirv: &[u32]) -> Result<([u32; 3], u32), String> {
         };
         match spirv[at] & 0xffff {
             OP_EXECUTION_MODE if instruction.get(2) == Some(&MODE_LOCAL_SIZE) && words == 6 => {
-                workgroup = [instruction[3], instruction[4], instruction[5]];
+                workgroup = Some([instruction[3], instruction[4], instruction[5]]);
+            }
+            OP_EXECUTION_MODE_ID
+                if instruction.get(2) == Some(&MODE_LOCAL_SIZE_ID) && words == 6 =>
+            {
+                workgroup_ids = Some([instruction[3], instruction[4], instruction[5]]);
+            }
+            OP_CONSTANT if !inside && words == 4 => {
+                constants.insert(instruction[2], instruction[3]);
             }
             OP_FUNCTION => {
                 inside = true;
@@ -198,5 +214,10 @@ fn scan(spirv: &[u32]) -> Result<([u32; 3], u32), String> {
         }
         at += words;
     }
+    if let Some(ids) = workgroup_ids {
+        let [x, y, z] = ids.map(|id| constants.get(&id).copied());
+        workgroup = x.zip(y).zip(z).map(|((x, y), z)| [x, y, z]);
+    }
+    let workgroup = workgroup.ok_or("the SPIR-V module does not say its workgroup's size")?;
     Ok((workgroup, instructions))
 }
