@@ -6,7 +6,9 @@
 // updates  ray_state     [ray]      position, optical depth, colour
 // shape    one thread per ray of the tile, 8 x 8 x 1
 // spaces   voxels (centre origin): block anchors in fixed point, samples in f32 from the anchor
-// variants CHANNELS_DO: one CHANNEL_* call per channel; IMAGES: how many channels have an image;
+// variants LOAD_CHANNELS, SAMPLE_CHANNELS: one LOAD_ and one SAMPLE_ call per channel;
+//          SEGMENTS_TOTAL: of all channels, or TRANSFER_SEARCH where they are too many to select from;
+//          IMAGES: how many channels have an image;
 //          FILTER_SAMPLER, FILTER_FETCH or FILTER_QUADS; EARLY_STOP; NAN_VOXELS; SEVERAL_CHANNELS
 // twin     src/twins/march.rs
 // source   emission and absorption, midpoint rule; weights 1 - exp(-sigma h) as in
@@ -18,12 +20,17 @@
 #include "common/ray.glsl"
 #include "common/fixed_point.glsl"
 #include "common/exponential.glsl"
+#include "common/filter.glsl"
 #include "common/transfer.glsl"
 
 layout(local_size_x = GROUP_WIDTH, local_size_y = GROUP_HEIGHT) in;
 
 layout(std430) readonly buffer ray_geometry { RayGeometry geometry_of_ray[]; };
+#ifdef TRANSFER_SEARCH
 layout(std430) readonly buffer transfer { TransferSegment segments[]; };
+#else
+layout(std140) uniform transfer { TransferSegment segments[SEGMENTS_TOTAL]; };
+#endif
 layout(std430) buffer ray_state { RayState state_of_ray[]; };
 #ifdef IMAGES
 uniform sampler3D channels[IMAGES];
@@ -42,47 +49,6 @@ struct Medium {
     float extinction;  // per world unit
 };
 
-#ifdef IMAGES
-// Trilinear value in the cell whose lower corner is `corner` (apron included), at `within` the cell.
-#if defined(FILTER_SAMPLER)
-vec4 filtered(sampler3D image, ivec3 corner, vec3 within) {
-    return textureLod(image, (vec3(corner) + within + 0.5) / vec3(textureSize(image, 0)), 0.0);
-}
-float filtered_scalar(sampler3D image, ivec3 corner, vec3 within) {
-    return filtered(image, corner, within).r;
-}
-#elif defined(FILTER_FETCH)
-// Weights sum to one in every step and nothing is subtracted, so that no finite voxel overflows.
-vec4 filtered(sampler3D image, ivec3 corner, vec3 within) {
-    vec3 without = 1.0 - within;
-    vec4 x00 = texelFetch(image, corner, 0) * without.x
-        + texelFetch(image, corner + ivec3(1, 0, 0), 0) * within.x;
-    vec4 x10 = texelFetch(image, corner + ivec3(0, 1, 0), 0) * without.x
-        + texelFetch(image, corner + ivec3(1, 1, 0), 0) * within.x;
-    vec4 x01 = texelFetch(image, corner + ivec3(0, 0, 1), 0) * without.x
-        + texelFetch(image, corner + ivec3(1, 0, 1), 0) * within.x;
-    vec4 x11 = texelFetch(image, corner + ivec3(0, 1, 1), 0) * without.x
-        + texelFetch(image, corner + ivec3(1, 1, 1), 0) * within.x;
-    return (x00 * without.y + x10 * within.y) * without.z
-        + (x01 * without.y + x11 * within.y) * within.z;
-}
-float filtered_scalar(sampler3D image, ivec3 corner, vec3 within) {
-    return filtered(image, corner, within).r;
-}
-#elif defined(FILTER_QUADS)
-// A texel holds its voxel and the neighbours in x, y and xy.
-float filtered_scalar(sampler3D image, ivec3 corner, vec3 within) {
-    vec3 without = 1.0 - within;
-    vec4 near = texelFetch(image, corner, 0);
-    vec4 far = texelFetch(image, corner + ivec3(0, 0, 1), 0);
-    vec2 near_y = near.xz * without.x + near.yw * within.x;
-    vec2 far_y = far.xz * without.x + far.yw * within.x;
-    return (near_y.x * without.y + near_y.y * within.y) * without.z
-        + (far_y.x * without.y + far_y.y * within.y) * within.z;
-}
-#endif
-#endif
-
 bool is_nan(float value) {
     return (floatBitsToUint(value) & 0x7fffffffu) > 0x7f800000u;
 }
@@ -97,22 +63,57 @@ void mix_in(inout Medium medium, vec3 color, float extinction) {
 #endif
 }
 
-// Chooses the segment by comparisons, which cost less than one load on every device measured.
-#define CLASSIFY(windowed, FIRST, SEGMENTS, result) \
+// The last segment that begins at or before the windowed value.
+#ifdef TRANSFER_SEARCH
+// Binary search in the buffer, unrolled: SEARCH_STEPS halvings find one of 2^SEARCH_STEPS segments.
+#define LOAD_SEGMENTS(NAME, FIRST, SEGMENTS) \
+    const uint NAME##_first = FIRST; \
+    const uint NAME##_count = SEGMENTS; \
+    float NAME##_window_scale = segments[FIRST].window_scale; \
+    float NAME##_window_offset = segments[FIRST].window_offset;
+
+#define CLASSIFY(NAME, windowed, SEGMENTS, result) \
     { \
-        vec4 start = segments[FIRST].start; \
-        vec4 slope = segments[FIRST].slope; \
-        float begins_at = segments[FIRST].begins_at; \
-        [[unroll]] for (int index = 1; index < SEGMENTS; ++index) { \
-            if (windowed >= segments[FIRST + index].begins_at) { \
-                start = segments[FIRST + index].start; \
-                slope = segments[FIRST + index].slope; \
-                begins_at = segments[FIRST + index].begins_at; \
+        uint found = 0u; \
+        [[unroll]] for (uint halving = 0u; halving < SEARCH_STEPS; ++halving) { \
+            uint tried = found + ((1u << (SEARCH_STEPS - 1u)) >> halving); \
+            if (tried < NAME##_count && windowed >= segments[NAME##_first + tried].begins_at) { \
+                found = tried; \
             } \
+        } \
+        TransferSegment segment = segments[NAME##_first + found]; \
+        result = segment.start + segment.slope * (windowed - segment.begins_at); \
+        result.a = max(result.a, 0.0); \
+    }
+#else
+// All segments are loaded once: selecting among registers costs a tenth of a load.
+#define LOAD_SEGMENTS(NAME, FIRST, SEGMENTS) \
+    vec4 NAME##_start[SEGMENTS]; \
+    vec4 NAME##_slope[SEGMENTS]; \
+    float NAME##_begins_at[SEGMENTS]; \
+    [[unroll]] for (int index = 0; index < SEGMENTS; ++index) { \
+        NAME##_start[index] = segments[FIRST + index].start; \
+        NAME##_slope[index] = segments[FIRST + index].slope; \
+        NAME##_begins_at[index] = segments[FIRST + index].begins_at; \
+    } \
+    float NAME##_window_scale = segments[FIRST].window_scale; \
+    float NAME##_window_offset = segments[FIRST].window_offset;
+
+#define CLASSIFY(NAME, windowed, SEGMENTS, result) \
+    { \
+        vec4 start = NAME##_start[0]; \
+        vec4 slope = NAME##_slope[0]; \
+        float begins_at = NAME##_begins_at[0]; \
+        [[unroll]] for (int index = 1; index < SEGMENTS; ++index) { \
+            bool begun = windowed >= NAME##_begins_at[index]; \
+            start = mix(start, NAME##_start[index], bvec4(begun)); \
+            slope = mix(slope, NAME##_slope[index], bvec4(begun)); \
+            begins_at = begun ? NAME##_begins_at[index] : begins_at; \
         } \
         result = start + slope * (windowed - begins_at); \
         result.a = max(result.a, 0.0); \
     }
+#endif
 
 #ifdef NAN_VOXELS
 #define LEAVE_OUT_NAN(value, result) if (is_nan(value)) { result = vec4(0.0); }
@@ -120,30 +121,28 @@ void mix_in(inout Medium medium, vec3 color, float extinction) {
 #define LEAVE_OUT_NAN(value, result)
 #endif
 
-#define CHANNEL_SCALAR(IMAGE, FIRST, SEGMENTS) \
+#define SAMPLE_SCALAR(NAME, IMAGE, SEGMENTS) \
     { \
         float texel = filtered_scalar(channels[IMAGE], corner, within); \
-        float windowed = clamp(texel * segments[FIRST].window_scale \
-            + segments[FIRST].window_offset, 0.0, 1.0); \
+        float windowed = clamp(texel * NAME##_window_scale + NAME##_window_offset, 0.0, 1.0); \
         vec4 classified; \
-        CLASSIFY(windowed, FIRST, SEGMENTS, classified) \
+        CLASSIFY(NAME, windowed, SEGMENTS, classified) \
         LEAVE_OUT_NAN(texel, classified) \
         mix_in(medium, classified.rgb, classified.a); \
     }
 
-#define CHANNEL_RGBA(IMAGE, FIRST, SEGMENTS) \
+#define SAMPLE_RGBA(NAME, IMAGE, SEGMENTS) \
     { \
         vec4 texel = filtered(channels[IMAGE], corner, within); \
-        float windowed = clamp(texel.a * segments[FIRST].window_scale \
-            + segments[FIRST].window_offset, 0.0, 1.0); \
+        float windowed = clamp(texel.a * NAME##_window_scale + NAME##_window_offset, 0.0, 1.0); \
         vec4 classified; \
-        CLASSIFY(windowed, FIRST, SEGMENTS, classified) \
+        CLASSIFY(NAME, windowed, SEGMENTS, classified) \
         mix_in(medium, texel.rgb * classified.rgb, classified.a); \
     }
 
-// Every voxel has one value: the host has classified it.
-#define CHANNEL_CONSTANT(FIRST) \
-    mix_in(medium, segments[FIRST].start.rgb, segments[FIRST].start.a);
+// Every voxel has one value, which the host has classified.
+#define LOAD_CONSTANT(NAME, FIRST) vec4 NAME##_medium = segments[FIRST].start;
+#define SAMPLE_CONSTANT(NAME) mix_in(medium, NAME##_medium.rgb, NAME##_medium.a);
 
 void main() {
     uvec2 pixel = gl_GlobalInvocationID.xy;
@@ -159,6 +158,7 @@ void main() {
     Fixed3 start = Fixed3(geometry.start_cell, geometry.start_fraction);
     Fixed3 delta = Fixed3(geometry.delta_cell, geometry.delta_fraction);
     vec3 step_voxel = fixed_float(delta);
+    LOAD_CHANNELS
 
     for (uint block = 0u; block < push.blocks_max; ++block) {
         Fixed3 anchor = fixed_advance(start, delta, state.next_sample);
@@ -173,7 +173,7 @@ void main() {
             vec3 within = position - cell;
             ivec3 corner = anchor.cell + ivec3(cell) + 1;
             Medium medium = Medium(vec3(0.0), 0.0);
-            CHANNELS_DO
+            SAMPLE_CHANNELS
             // Beyond this nothing is seen, and sums of it stay finite.
             float depth = min(medium.extinction * geometry.step_world, DEPTH_OF_SAMPLE_MAX);
             Attenuation attenuation = attenuate(depth);

@@ -5,6 +5,7 @@
 //          ray_state     [ray]    nothing marched yet
 // shape    one thread per pixel of the tile, 8 x 8 x 1
 // spaces   views in voxels (corner origin) and world; ray_geometry in voxels (centre origin)
+// variants VIEWS: how many views there are
 // twin     src/twins/rays.rs
 // source   DESIGN: positions are integer voxel plus fraction, made from the camera in f64
 #version 460
@@ -27,7 +28,7 @@ struct ViewRays {
     dvec4 direction_row_world;
 };
 
-layout(std430) readonly buffer views { ViewRays view_rays[]; };
+layout(std140) uniform views { ViewRays view_rays[VIEWS]; };
 layout(std430) writeonly buffer ray_geometry { RayGeometry geometry_of_ray[]; };
 layout(std430) writeonly buffer ray_state { RayState state_of_ray[]; };
 
@@ -38,12 +39,17 @@ layout(push_constant) uniform Push {
     double step_world;  // greatest distance of two samples
 } push;
 
+// Adding it leaves the nearest integer in the low bits of an f64: conversions of f64 are slow on
+// every device.
+const double ROUNDER = 6755399441055744.0LF;  // 1.5 * 2^52
+const double TWO_POW_32 = 4294967296.0LF;
+
 // Splits into cell and fraction, to the nearest 2^-32.
 void to_fixed(double value, out int cell, out uint fraction) {
-    double scaled = floor(value * 4294967296.0LF + 0.5LF);
-    double whole = floor(scaled * 2.3283064365386962890625e-10LF);
-    cell = int(whole);
-    fraction = uint(scaled - whole * 4294967296.0LF);
+    double rounded = value + ROUNDER;
+    double rest = (value - (rounded - ROUNDER)) * TWO_POW_32 + ROUNDER;
+    cell = int(unpackDouble2x32(rounded).x) - (rest < ROUNDER ? 1 : 0);
+    fraction = unpackDouble2x32(rest).x;
 }
 
 void main() {
@@ -61,22 +67,23 @@ void main() {
     dvec3 direction_world = rays.direction_world.xyz + rays.direction_column_world.xyz * at.x
         + rays.direction_row_world.xyz * at.y;
 
-    // The part of the ray, in multiples of its direction, inside the volume's box.
-    double enter = 0.0LF;
-    double leave = 1.0e300LF;
-    for (int axis = 0; axis < 3; ++axis) {
-        double extent = double(push.volume_size[axis]);
-        if (direction[axis] == 0.0LF) {
-            if (origin[axis] < 0.0LF || origin[axis] > extent) {
-                leave = -1.0LF;
-            }
-        } else {
-            double to_near = -origin[axis] / direction[axis];
-            double to_far = (extent - origin[axis]) / direction[axis];
-            enter = max(enter, min(to_near, to_far));
-            leave = min(leave, max(to_near, to_far));
-        }
-    }
+    // The part of the ray, in multiples of its direction, inside the volume's box. Along an axis on
+    // which the ray does not move, it is inside from the start or never.
+    dvec3 extent = dvec3(push.volume_size);
+    bvec3 still = equal(direction, dvec3(0.0LF));
+    bvec3 outside = bvec3(
+        origin.x < 0.0LF || origin.x > extent.x,
+        origin.y < 0.0LF || origin.y > extent.y,
+        origin.z < 0.0LF || origin.z > extent.z
+    );
+    dvec3 per_direction = 1.0LF / mix(direction, dvec3(1.0LF), still);
+    dvec3 to_near = mix(-origin * per_direction, dvec3(0.0LF), still);
+    dvec3 to_far = mix((extent - origin) * per_direction, dvec3(1.0e300LF), still);
+    dvec3 first = min(to_near, to_far);
+    dvec3 last = max(to_near, to_far);
+    bvec3 never = bvec3(still.x && outside.x, still.y && outside.y, still.z && outside.z);
+    double enter = max(max(first.x, first.y), max(first.z, 0.0LF));
+    double leave = any(never) ? -1.0LF : min(min(last.x, last.y), last.z);
 
     RayGeometry geometry;
     geometry.start_cell = ivec3(0);
@@ -90,15 +97,19 @@ void main() {
     if (leave > enter) {
         // Equal steps, at most the one asked for, that fill the way through the box exactly.
         double length_world = (leave - enter) * sqrt(dot(direction_world, direction_world));
-        double count = max(ceil(length_world / push.step_world), 1.0LF);
+        double steps = length_world / push.step_world;
+        double whole = (steps + ROUNDER) - ROUNDER;
+        double count = max(whole < steps ? whole + 1.0LF : whole, 1.0LF);
         double step_ray = (leave - enter) / count;
         dvec3 start = origin + (enter + 0.5LF * step_ray) * direction - 0.5LF;
         dvec3 delta = step_ray * direction;
-        for (int axis = 0; axis < 3; ++axis) {
-            to_fixed(start[axis], geometry.start_cell[axis], geometry.start_fraction[axis]);
-            to_fixed(delta[axis], geometry.delta_cell[axis], geometry.delta_fraction[axis]);
-        }
-        geometry.sample_count = uint(count);
+        to_fixed(start.x, geometry.start_cell.x, geometry.start_fraction.x);
+        to_fixed(start.y, geometry.start_cell.y, geometry.start_fraction.y);
+        to_fixed(start.z, geometry.start_cell.z, geometry.start_fraction.z);
+        to_fixed(delta.x, geometry.delta_cell.x, geometry.delta_fraction.x);
+        to_fixed(delta.y, geometry.delta_cell.y, geometry.delta_fraction.y);
+        to_fixed(delta.z, geometry.delta_cell.z, geometry.delta_fraction.z);
+        geometry.sample_count = unpackDouble2x32(count + ROUNDER).x;
         geometry.step_world = float(length_world / count);
     }
     geometry_of_ray[ray] = geometry;

@@ -1,5 +1,7 @@
 //! `ashfall bench`: prices, as ratios within one run.
 
+mod sample;
+
 use clap::{Args, Subcommand};
 
 use crate::error::Result;
@@ -12,9 +14,13 @@ pub struct Arguments {
 }
 
 #[derive(Subcommand)]
-enum Bench {}
+enum Bench {
+    Sample(sample::Arguments),
+}
 
 /// Runs one bench.
 pub fn run(arguments: &Arguments) -> Result<()> {
-    match arguments.bench {}
+    match &arguments.bench {
+        Bench::Sample(arguments) => sample::run(arguments),
+    }
 }

@@ -29,6 +29,8 @@ pub enum BindingKind {
         /// Not declared `readonly`.
         writes: bool,
     },
+    /// A uniform buffer: read alike by every thread.
+    UniformBuffer,
     /// Images with their samplers.
     SampledImage {
         /// Elements of the array; 1 for a single image.
@@ -116,6 +118,10 @@ fn binding_of(
             let write_only = *access == AccessType::WriteOnly || of_member(AccessType::WriteOnly);
             let kind = BindingKind::StorageBuffer { reads: !write_only, writes: !read_only };
             (block.name.clone().or(name), kind)
+        }
+        (DescriptorType::UniformBuffer(), Type::Struct(block)) => {
+            members_of(ty, "", 0, &mut members);
+            (block.name.clone().or(name), BindingKind::UniformBuffer)
         }
         (DescriptorType::CombinedImageSampler(), _) => {
             (name, BindingKind::SampledImage { count: count.max(1) })

@@ -33,7 +33,6 @@ pub struct BufferSpec {
 pub enum ImageFormat {
     R8Unorm,
     R16Unorm,
-    R16Sfloat,
     R32Sfloat,
     Rgba8Unorm,
     Rgba16Unorm,
@@ -45,7 +44,7 @@ impl ImageFormat {
     pub const fn bytes(self) -> u64 {
         match self {
             ImageFormat::R8Unorm => 1,
-            ImageFormat::R16Unorm | ImageFormat::R16Sfloat => 2,
+            ImageFormat::R16Unorm => 2,
             ImageFormat::R32Sfloat | ImageFormat::Rgba8Unorm => 4,
             ImageFormat::Rgba16Unorm => 8,
             ImageFormat::Rgba32Sfloat => 16,
@@ -57,7 +56,6 @@ impl ImageFormat {
         match self {
             ImageFormat::R8Unorm => "r8_unorm",
             ImageFormat::R16Unorm => "r16_unorm",
-            ImageFormat::R16Sfloat => "r16_sfloat",
             ImageFormat::R32Sfloat => "r32_sfloat",
             ImageFormat::Rgba8Unorm => "rgba8_unorm",
             ImageFormat::Rgba16Unorm => "rgba16_unorm",
@@ -69,7 +67,6 @@ impl ImageFormat {
         match self {
             ImageFormat::R8Unorm => vk::Format::R8_UNORM,
             ImageFormat::R16Unorm => vk::Format::R16_UNORM,
-            ImageFormat::R16Sfloat => vk::Format::R16_SFLOAT,
             ImageFormat::R32Sfloat => vk::Format::R32_SFLOAT,
             ImageFormat::Rgba8Unorm => vk::Format::R8G8B8A8_UNORM,
             ImageFormat::Rgba16Unorm => vk::Format::R16G16B16A16_UNORM,
@@ -124,6 +121,7 @@ impl Buffer {
     fn info<'a>(spec: &BufferSpec, families: &'a [u32]) -> vk::BufferCreateInfoBuilder<'a> {
         let info = vk::BufferCreateInfo::builder().size(spec.bytes).usage(
             vk::BufferUsageFlags::STORAGE_BUFFER
+                | vk::BufferUsageFlags::UNIFORM_BUFFER
                 | vk::BufferUsageFlags::TRANSFER_SRC
                 | vk::BufferUsageFlags::TRANSFER_DST,
         );

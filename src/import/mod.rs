@@ -8,15 +8,24 @@
 //! Every error is one sentence behind the file's path, exit code 3. No bytes lead to a panic, and
 //! nothing larger than a run is allocated on a header's word.
 
+mod base64;
 mod blocks;
+mod bytes;
 mod linear;
+mod metaimage;
 mod nifti;
 mod nrrd;
+mod numpy;
 mod raw;
 mod sample;
+mod segy;
 mod stream;
 mod text;
+mod tiff;
+mod vti;
 mod whole;
+mod xml;
+mod zip;
 
 use std::path::{Path, PathBuf};
 
@@ -61,6 +70,8 @@ pub struct Run {
 /// What a file says about its voxels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Header {
+    /// The file, for messages.
+    pub path: PathBuf,
     /// Voxels along each axis.
     pub size: Size3,
     /// How many channels there are, at least 1.
@@ -119,19 +130,18 @@ impl Default for SegyFields {
 pub fn open(path: &Path, options: &Options) -> Result<Box<dyn Input>> {
     let placed = |why: Error| why.at(path.display());
     let input = recognise(path, options).map_err(placed)?;
-    let mut header = input.header().clone();
+    let mut header = Header { path: path.to_owned(), ..input.header().clone() };
     if let Some(spacing) = options.spacing {
         header.world_from_voxel = WorldFromVoxel::from_spacing(spacing).map_err(placed)?;
         if header.format_name != "raw" {
             header.notes.push("the spacing given replaces the file's own transform".to_owned());
         }
     }
-    Ok(Box::new(Placed { path: path.to_owned(), header, input }))
+    Ok(Box::new(Placed { header, input }))
 }
 
 /// An input whose errors name its file.
 struct Placed {
-    path: PathBuf,
     header: Header,
     input: Box<dyn Input>,
 }
@@ -142,7 +152,7 @@ impl Input for Placed {
     }
 
     fn next_run(&mut self) -> Result<Option<Run>> {
-        self.input.next_run().map_err(|why| why.at(self.path.display()))
+        self.input.next_run().map_err(|why| why.at(self.header.path.display()))
     }
 }
 
@@ -154,6 +164,24 @@ fn recognise(path: &Path, options: &Options) -> Result<Box<dyn Input>> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     if head.starts_with(b"NRRD") {
         return nrrd::open(path, options);
+    }
+    if numpy::is_array(&head) {
+        return numpy::open(path, options);
+    }
+    if head.starts_with(b"PK") {
+        return numpy::open_archive(path, options);
+    }
+    if vti::is_header(&head) {
+        return vti::open(path, options);
+    }
+    if metaimage::is_header(&head) || name.ends_with(".mhd") || name.ends_with(".mha") {
+        return metaimage::open(path, options);
+    }
+    if name.ends_with(".sgy") || name.ends_with(".segy") {
+        return segy::open(path, options);
+    }
+    if tiff::is_header(&head) {
+        return tiff::open(path, options);
     }
     if nifti::is_header(&head) || name.ends_with(".nii.gz") || name.ends_with(".nii") {
         return nifti::open(path, options);

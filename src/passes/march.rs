@@ -43,6 +43,11 @@ impl FilterShape {
     }
 }
 
+/// Segments of one channel that are selected from; more are searched.
+const SELECTED_SEGMENTS_MAX: u32 = 24;
+/// 16 KiB of 48 bytes each: what a uniform buffer holds on every device.
+const UNIFORM_SEGMENTS_MAX: u32 = 341;
+
 /// What shapes the variant: only what the scene has gets into the shader.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Shape {
@@ -62,24 +67,45 @@ impl Shape {
         self.channels.iter().filter(|channel| **channel != ChannelShape::Constant).count()
     }
 
+    /// Whether segments are searched in a storage buffer, since some channel has too many to select
+    /// from, or all together are too many for a uniform buffer of any device.
+    pub fn searches(&self) -> bool {
+        let segments = || self.channels.iter().map(|channel| channel.segments());
+        segments().any(|count| count > SELECTED_SEGMENTS_MAX)
+            || segments().sum::<u32>() > UNIFORM_SEGMENTS_MAX
+    }
+
     /// The variant of this shape.
     pub fn variant(&self) -> Variant {
-        let mut calls = String::new();
+        let (mut load, mut sample) = (String::new(), String::new());
         let (mut image, mut first) = (0, 0);
-        for channel in &self.channels {
-            match channel {
-                ChannelShape::Scalar { segments } => {
-                    calls += &format!("CHANNEL_SCALAR({image}, {first}, {segments}) ");
+        for (index, channel) in self.channels.iter().enumerate() {
+            let kind = match channel {
+                ChannelShape::Scalar { .. } => "SCALAR",
+                ChannelShape::Rgba { .. } => "RGBA",
+                ChannelShape::Constant => {
+                    load += &format!("LOAD_CONSTANT(channel_{index}, {first}) ");
+                    sample += &format!("SAMPLE_CONSTANT(channel_{index}) ");
+                    first += 1;
+                    continue;
                 }
-                ChannelShape::Rgba { segments } => {
-                    calls += &format!("CHANNEL_RGBA({image}, {first}, {segments}) ");
-                }
-                ChannelShape::Constant => calls += &format!("CHANNEL_CONSTANT({first}) "),
-            }
-            image += u32::from(*channel != ChannelShape::Constant);
-            first += channel.segments();
+            };
+            let segments = channel.segments();
+            load += &format!("LOAD_SEGMENTS(channel_{index}, {first}, {segments}) ");
+            sample += &format!("SAMPLE_{kind}(channel_{index}, {image}, {segments}) ");
+            image += 1;
+            first += segments;
         }
-        let mut variant = Variant::plain("march").define("CHANNELS_DO", calls.trim_end());
+        let mut variant = Variant::plain("march")
+            .define("LOAD_CHANNELS", load.trim_end())
+            .define("SAMPLE_CHANNELS", sample.trim_end());
+        variant = if self.searches() {
+            let most = self.channels.iter().map(|channel| channel.segments()).max().unwrap_or(1);
+            let steps = most.next_power_of_two().trailing_zeros().max(1);
+            variant.define("TRANSFER_SEARCH", 1).define("SEARCH_STEPS", format!("{steps}u"))
+        } else {
+            variant.define("SEGMENTS_TOTAL", first)
+        };
         if self.images() > 0 {
             variant = variant.define("IMAGES", self.images()).define(self.filter.define(), 1);
         }
@@ -143,8 +169,12 @@ pub fn record<'r>(
     let mut dispatch = recorder
         .compute(pipeline)
         .read("ray_geometry", resources.ray_geometry)
-        .read("transfer", resources.transfer)
         .update("ray_state", resources.ray_state);
+    dispatch = if is_searched(pipeline) {
+        dispatch.read("transfer", resources.transfer)
+    } else {
+        dispatch.uniform("transfer", resources.transfer)
+    };
     if let Some(sampler) = resources.sampler {
         let images: Vec<_> = resources.channels.iter().map(|image| (image, sampler)).collect();
         dispatch = dispatch.sample("channels", &images);
@@ -152,4 +182,8 @@ pub fn record<'r>(
     let bytes = bytemuck::bytes_of(push);
     let used = pipeline.reflection().push_bytes as usize;
     dispatch.push_bytes(&bytes[..used.min(bytes.len())]).threads([width, height, 1]);
+}
+
+fn is_searched(pipeline: &ComputePipeline) -> bool {
+    pipeline.variant().defines.iter().any(|(name, _)| name == "TRANSFER_SEARCH")
 }

@@ -21,3 +21,4 @@ pub use scene_data::SceneData;
 pub use settings::Settings;
 pub use statistics::{PassTime, Statistics};
 pub use transfer_segments::{classify_constant, transfer_segments};
+pub use upload::upload;

@@ -197,6 +197,14 @@ impl Plan {
         let facts: Vec<_> = voxels.channels.iter().map(ChannelFacts::of).collect();
         let mut left_out = LeftOut::default();
 
+        let views_bytes = (scene.views.len() * size_of::<ViewRays>()) as u64;
+        if views_bytes > gpu.facts().uniform_bytes_max {
+            return Err(Error::machine(format!(
+                "the scene has {} views, but this device holds at most {} at once: draw some of them with --view",
+                scene.views.len(),
+                gpu.facts().uniform_bytes_max / size_of::<ViewRays>() as u64
+            )));
+        }
         let (images, texel_layouts) = plan_images(gpu, data, &facts, settings)?;
         let mut segments = Vec::new();
         let mut channels = Vec::new();
@@ -253,7 +261,7 @@ impl Plan {
             })
         };
         let passes = vec![
-            pass(rays::variant(), 1)?,
+            pass(rays::variant(scene.views.len()), 1)?,
             pass(shape.variant(), dispatches)?,
             pass(resolve::variant(), 1)?,
         ];

@@ -5,9 +5,11 @@
 //! `reference/` can tell.
 
 pub mod exponential;
+pub mod filter;
 pub mod fixed_point;
 pub mod limits;
 pub mod march;
+pub mod probe;
 pub mod ray;
 pub mod rays;
 pub mod resolve;

@@ -37,11 +37,14 @@ pub struct Push {
 }
 
 const TWO_POW_32: f64 = 4_294_967_296.0;
+/// Adding it leaves the nearest integer in the low bits of an f64.
+const ROUNDER: f64 = 6_755_399_441_055_744.0;
 
 fn to_fixed(value: f64) -> (i32, u32) {
-    let scaled = (value * TWO_POW_32 + 0.5).floor();
-    let whole = (scaled * (1.0 / TWO_POW_32)).floor();
-    (whole as i32, (scaled - whole * TWO_POW_32) as u32)
+    let rounded = value + ROUNDER;
+    let rest = (value - (rounded - ROUNDER)) * TWO_POW_32 + ROUNDER;
+    let cell = rounded.to_bits() as u32 as i32;
+    (cell - i32::from(rest < ROUNDER), rest.to_bits() as u32)
 }
 
 /// Geometry and fresh state of every ray of the tile, row by row.
@@ -67,18 +70,21 @@ fn ray(view: &ViewRays, push: &Push, (column, row): (u32, u32)) -> RayGeometry {
         linear(&view.direction_world, &view.direction_column_world, &view.direction_row_world);
     let mut enter = 0.0f64;
     let mut leave = 1e300f64;
+    let mut never = false;
     for axis in 0..3 {
         let extent = f64::from(push.volume_size[axis]);
         if direction[axis] == 0.0 {
-            if origin[axis] < 0.0 || origin[axis] > extent {
-                leave = -1.0;
-            }
+            never |= origin[axis] < 0.0 || origin[axis] > extent;
         } else {
-            let to_near = -origin[axis] / direction[axis];
-            let to_far = (extent - origin[axis]) / direction[axis];
+            let per_direction = 1.0 / direction[axis];
+            let to_near = -origin[axis] * per_direction;
+            let to_far = (extent - origin[axis]) * per_direction;
             enter = enter.max(to_near.min(to_far));
             leave = leave.min(to_near.max(to_far));
         }
+    }
+    if never {
+        leave = -1.0;
     }
     let mut geometry = RayGeometry::default();
     if leave > enter {
@@ -86,7 +92,9 @@ fn ray(view: &ViewRays, push: &Push, (column, row): (u32, u32)) -> RayGeometry {
             + direction_world[1] * direction_world[1]
             + direction_world[2] * direction_world[2];
         let length_world = (leave - enter) * squared.sqrt();
-        let count = (length_world / push.step_world).ceil().max(1.0);
+        let steps = length_world / push.step_world;
+        let whole = (steps + ROUNDER) - ROUNDER;
+        let count = (if whole < steps { whole + 1.0 } else { whole }).max(1.0);
         let step_ray = (leave - enter) / count;
         for axis in 0..3 {
             let start = origin[axis] + (enter + 0.5 * step_ray) * direction[axis] - 0.5;
