@@ -7,7 +7,8 @@
 // shape    one thread per ray of the tile, 8 x 8 x 1
 // spaces   voxels (centre origin): block anchors in fixed point, samples in f32 from the anchor
 // variants LOAD_CHANNELS, SAMPLE_CHANNELS: one LOAD_ and one SAMPLE_ call per channel;
-//          SEGMENTS_TOTAL: of all channels, or TRANSFER_SEARCH where they are too many to select from;
+//          SEGMENTS_TOTAL: of all channels, or TRANSFER_SEARCH and SEARCH_STEPS where they are too
+//          many to select from;
 //          IMAGES: how many channels have an image;
 //          FILTER_SAMPLER, FILTER_FETCH or FILTER_QUADS; EARLY_STOP; NAN_VOXELS; SEVERAL_CHANNELS
 // twin     src/twins/march.rs

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use ashfall::gpu::{Binding, BindingKind, Member, Reflection, Shader, ShaderCompiler, Variant};
 use ashfall::passes::march::{ChannelShape, FilterShape, Shape};
+use ashfall::passes::probe::{self, ProbeShape};
 use ashfall::passes::{SOURCES, march, rays, resolve};
 use ashfall::twins;
 use ashfall::twins::ray::{RayGeometry, RayState};
@@ -92,6 +93,15 @@ fn push(shader: &str) -> Host {
             view,
             step_world,
         }),
+        "probe" => host!(twins::probe::Push {
+            origin_voxel,
+            lines_across,
+            column_voxel,
+            lines_down,
+            row_voxel,
+            samples,
+            step_voxel,
+        }),
         "march" => host!(march::Push { tile_size_pixel, blocks_max, early_stop }),
         "resolve" => host!(resolve::Push { background, unused_0, tile_size_pixel }),
         other => panic!("{other}.comp is new: say here which struct its push constants are"),
@@ -105,8 +115,8 @@ fn elements(buffer: &str) -> Option<Host> {
         "ray_state" => Some(ray_state()),
         "transfer" => Some(transfer_segment()),
         "views" => Some(view_rays()),
-        // Plain numbers: vec4 pixels, two counters.
-        "picture" | "counters" => None,
+        // Plain numbers: vec4 pixels, two counters, one sum a line.
+        "picture" | "counters" | "sums" => None,
         other => panic!("buffer {other} is new: say here which struct it holds"),
     }
 }
@@ -137,6 +147,9 @@ fn shapes() -> Vec<Shape> {
         shape(&[SCALAR, Constant, RGBA], Fetch),
         full(shape(&[SCALAR, SCALAR, SCALAR], Quads)),
         full(shape(&[SCALAR; 16], Fetch)),
+        // Segments that are searched: too many of one channel, too many of all.
+        shape(&[ChannelShape::Scalar { segments: 25 }], Fetch),
+        full(shape(&[ChannelShape::Rgba { segments: 24 }; 16], Fetch)),
     ]
 }
 
@@ -150,11 +163,19 @@ fn compiled(variant: &Variant) -> Shader {
 
 /// Every shader with its variants that matter.
 fn all() -> Vec<(&'static str, Vec<Shader>)> {
+    let probes = [
+        ProbeShape::Loop,
+        ProbeShape::OneTexel,
+        ProbeShape::Filtered(FilterShape::Sampler),
+        ProbeShape::Filtered(FilterShape::Fetch),
+        ProbeShape::Filtered(FilterShape::Quads),
+    ];
     let march: Vec<_> = shapes().iter().map(|shape| compiled(&shape.variant())).collect();
     vec![
-        ("rays", vec![compiled(&rays::variant())]),
+        ("rays", [1, 3].iter().map(|views| compiled(&rays::variant(*views))).collect()),
         ("march", march),
         ("resolve", vec![compiled(&resolve::variant())]),
+        ("probe", probes.iter().map(|shape| compiled(&probe::variant(*shape))).collect()),
     ]
 }
 
@@ -200,7 +221,8 @@ fn elements_differ(host: &Host, binding: &Binding) -> Vec<String> {
         return vec![format!("buffer {} has no members", binding.name)];
     };
     let mut wrong = struct_differs(host, members, false);
-    if !array.name.ends_with("[]") || array.offset != 0 || array.stride != host.bytes {
+    let whole = host.bytes > 0 && array.bytes % host.bytes == 0;
+    if !array.name.ends_with("[]") || !whole || array.offset != 0 || array.stride != host.bytes {
         wrong.push(format!(
             "buffer {}: {} at {} with stride {}, but {} has {} bytes",
             binding.name, array.name, array.offset, array.stride, host.name, host.bytes
@@ -273,7 +295,9 @@ fn access(kind: &BindingKind) -> &'static str {
     match kind {
         BindingKind::StorageBuffer { reads: true, writes: true } => "updates",
         BindingKind::StorageBuffer { writes: true, .. } => "writes",
-        BindingKind::StorageBuffer { .. } | BindingKind::SampledImage { .. } => "reads",
+        BindingKind::StorageBuffer { .. }
+        | BindingKind::UniformBuffer
+        | BindingKind::SampledImage { .. } => "reads",
     }
 }
 
@@ -311,6 +335,7 @@ fn pass_differs(header: &Header, pass: &str) -> Vec<String> {
     let mut bound = BTreeMap::new();
     let calls = [
         (".read(\"", "reads"),
+        (".uniform(\"", "reads"),
         (".sample(\"", "reads"),
         (".write(\"", "writes"),
         (".update(\"", "updates"),
@@ -325,6 +350,13 @@ fn pass_differs(header: &Header, pass: &str) -> Vec<String> {
         return Vec::new();
     }
     vec![format!("the pass binds {bound:?}, the shader's header says {:?}", header.access)]
+}
+
+/// A shader's text and that of the common files it includes.
+fn with_includes(text: &str) -> String {
+    let includes = text.lines().filter_map(|line| line.strip_prefix("#include \""));
+    let included = includes.map(|rest| source(rest.trim_end().trim_end_matches('"')));
+    std::iter::once(text).chain(included).collect()
 }
 
 /// Macros that a shader's source asks about, without those it defines itself.
@@ -391,7 +423,8 @@ fn headers_say_what_the_shaders_do() {
 
         let defined = variants.iter().flat_map(|shader| &shader.variant.defines);
         let defined: BTreeSet<&str> = defined.map(|(name, _)| &name[..]).collect();
-        for asked in macros(text) {
+        let whole = with_includes(text);
+        for asked in macros(&whole) {
             assert!(
                 defined.contains(asked),
                 "{name}.comp asks about {asked}: no variant defines it"
@@ -400,7 +433,7 @@ fn headers_say_what_the_shaders_do() {
         for given in defined {
             let known = header.variants.split(|c: char| !(c.is_alphanumeric() || c == '_'));
             assert!(known.clone().any(|word| word == given), "{name}.comp: header lacks {given}");
-            assert!(text.matches(given).count() > 1, "{name}.comp never uses {given}");
+            assert!(whole.matches(given).count() > 1, "{name}.comp never uses {given}");
         }
     }
     for (name, text) in SOURCES.iter().filter(|(name, _)| name.starts_with("common/")) {
@@ -444,7 +477,7 @@ fn what_a_scene_lacks_is_not_in_the_shader() {
             .iter()
             .filter_map(|binding| match binding.kind {
                 BindingKind::SampledImage { count } => Some((&binding.name[..], count)),
-                BindingKind::StorageBuffer { .. } => None,
+                BindingKind::StorageBuffer { .. } | BindingKind::UniformBuffer => None,
             })
             .collect();
         match shape.images() {
@@ -496,7 +529,7 @@ fn each_feature_costs_instructions() {
 
 #[test]
 fn a_struct_that_lies_otherwise_is_noticed() {
-    let reflection = compiled(&rays::variant()).reflection;
+    let reflection = compiled(&rays::variant(2)).reflection;
     let of = |name: &str| -> Binding {
         reflection.bindings.iter().find(|binding| binding.name == name).expect("bound").clone()
     };

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use spirq::ReflectConfig;
-use spirq::ty::{AccessType, DescriptorType, Type};
+use spirq::ty::{AccessType, DescriptorType, SpirvType, Type};
 use spirq::var::Variable;
 
 /// One resource that a shader binds.
@@ -41,11 +41,11 @@ pub enum BindingKind {
 /// A member of a struct that host and shader share.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Member {
-    /// Its GLSL name, with a dot for nested structs.
+    /// Its GLSL name, with a dot for nested structs, and [] for arrays, whose element's members follow.
     pub name: String,
-    /// Byte offset from the struct's start.
+    /// Byte offset from the start of the struct, or of the array's element.
     pub offset: usize,
-    /// Bytes; 0 for a runtime array, whose elements follow.
+    /// Bytes; 0 for a runtime array.
     pub bytes: usize,
     /// Bytes from one element to the next; 0 for what is no array.
     pub stride: usize,
@@ -142,23 +142,15 @@ fn members_of(ty: &Type, prefix: &str, base: usize, members: &mut Vec<Member>) {
                 let offset = base + member.offset.unwrap_or(0);
                 match &member.ty {
                     Type::Struct(_) => members_of(&member.ty, &name, offset, members),
-                    Type::Array(array) if array.nelement.is_none() => {
+                    Type::Array(array) => {
+                        let bytes = array.nbyte().unwrap_or(0);
                         let stride = array.stride.unwrap_or(0);
-                        members.push(Member {
-                            name: format!("{name}[]"),
-                            offset,
-                            bytes: 0,
-                            stride,
-                        });
+                        members.push(Member { name: format!("{name}[]"), offset, bytes, stride });
                         members_of(&array.element_ty, "", 0, members);
                     }
                     other => {
                         let bytes = other.nbyte().unwrap_or(0);
-                        let stride = match other {
-                            Type::Array(array) => array.stride.unwrap_or(0),
-                            _ => 0,
-                        };
-                        members.push(Member { name, offset, bytes, stride });
+                        members.push(Member { name, offset, bytes, stride: 0 });
                     }
                 }
             }
