@@ -133,29 +133,23 @@ fn binding_of(
 }
 
 fn members_of(ty: &Type, prefix: &str, base: usize, members: &mut Vec<Member>) {
-    match ty {
-        Type::Struct(block) => {
-            for member in &block.members {
-                let name = member.name.as_deref().unwrap_or("?");
-                let name =
-                    if prefix.is_empty() { name.to_owned() } else { format!("{prefix}.{name}") };
-                let offset = base + member.offset.unwrap_or(0);
-                match &member.ty {
-                    Type::Struct(_) => members_of(&member.ty, &name, offset, members),
-                    Type::Array(array) => {
-                        let bytes = array.nbyte().unwrap_or(0);
-                        let stride = array.stride.unwrap_or(0);
-                        members.push(Member { name: format!("{name}[]"), offset, bytes, stride });
-                        members_of(&array.element_ty, "", 0, members);
-                    }
-                    other => {
-                        let bytes = other.nbyte().unwrap_or(0);
-                        members.push(Member { name, offset, bytes, stride: 0 });
-                    }
-                }
+    let Type::Struct(block) = ty else { return };
+    for member in &block.members {
+        let name = member.name.as_deref().unwrap_or("?");
+        let name = if prefix.is_empty() { name.to_owned() } else { format!("{prefix}.{name}") };
+        let offset = base + member.offset.unwrap_or(0);
+        match &member.ty {
+            Type::Struct(_) => members_of(&member.ty, &name, offset, members),
+            Type::Array(array) => {
+                let (bytes, stride) = (array.nbyte().unwrap_or(0), array.stride.unwrap_or(0));
+                members.push(Member { name: format!("{name}[]"), offset, bytes, stride });
+                members_of(&array.element_ty, "", 0, members);
+            }
+            other => {
+                let bytes = other.nbyte().unwrap_or(0);
+                members.push(Member { name, offset, bytes, stride: 0 });
             }
         }
-        _ => {}
     }
 }
 
