@@ -103,6 +103,7 @@ const PICTURE_QUALITY_MEMORY: &[Bad] = &[
 const VOLUMES: &[Bad] = &[
     ("name = \"ball\"", "name = @\"\"", &["name", "empty"]),
     ("name = \"ball\"", "name = @7", &["name", "string"]),
+    (SOURCE, "source = @\"no\\nwhere\\u0007.nii\"", &["no\\nwhere\\u{7}.nii", "cannot be read"]),
     (SOURCE, "", &["source", "missing", "computed"]),
     (SOURCE, "source = @\"\"", &["source", "empty"]),
     (SOURCE, "source = @3", &["source", "path"]),
@@ -175,6 +176,13 @@ const VOLUMES: &[Bad] = &[
     ("size = [4, 4, 4]", "size = @[4, 4]", &["size", "3"]),
     (SPACING, "spacing = @[1.0, 0.0, 1.0]", &["\"ball\"", "spacing", "positive", "got 0"]),
     (SPACING, "spacing = @[1.0, -1.0, 1.0]", &["\"ball\"", "spacing", "positive", "got -1"]),
+    (SPACING, "spacing = @[1.0, 1e-31, 1.0]", &["\"ball\"", "spacing", "1e-30 and 1e30"]),
+    (SPACING, "spacing = @[1.0, 1e31, 1.0]", &["\"ball\"", "spacing", "1e-30 and 1e30"]),
+    (
+        SPACING,
+        "transform = @[[1, 0, 0, 1e31], [0, 1, 0, 0], [0, 0, 1, 0]]",
+        &["\"ball\"", "transform", "origin within 1e30"],
+    ),
     (SPACING, "spacing = @1.0", &["spacing", "array of length 3"]),
     (
         SPACING,
@@ -301,7 +309,8 @@ fn folder(name: &str) -> Folder {
 
 fn render(folder: &Folder, text: impl AsRef<[u8]>) -> Run {
     let scene = folder.write("scene.toml", text);
-    ashfall(["render".as_ref(), scene.as_os_str(), "-o".as_ref(), "picture.png".as_ref()])
+    let picture = folder.path("picture.png");
+    ashfall(["render".as_ref(), scene.as_os_str(), "-o".as_ref(), picture.as_os_str()])
 }
 
 fn check_table(name: &str, table: &[Bad]) {

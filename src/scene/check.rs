@@ -21,6 +21,8 @@ const PICTURE_EDGE_PIXELS_MAX: i64 = 32_768;
 const VOLUME_EDGE_VOXELS_MAX: i64 = 1 << 24;
 /// World units: lengths and places beyond have no picture in f32.
 const WORLD_MAX: f64 = 1e30;
+/// Voxel edges below have no picture either.
+const WORLD_MIN: f64 = 1e-30;
 /// Channels of one volume drawn in one pass.
 const CHANNELS_MAX: usize = 16;
 
@@ -558,13 +560,11 @@ impl Check<'_> {
 fn within_world(map: WorldFromVoxel, key: &str) -> Result<WorldFromVoxel> {
     let edges = map.spacing().to_array();
     let origin = map.point(DVec3::ZERO).abs().max_element();
-    if edges.iter().all(|edge| (1.0 / WORLD_MAX..=WORLD_MAX).contains(edge)) && origin <= WORLD_MAX
-    {
+    if edges.iter().all(|edge| (WORLD_MIN..=WORLD_MAX).contains(edge)) && origin <= WORLD_MAX {
         return Ok(map);
     }
     Err(Error::input(format!(
-        "{key} must give voxel edges within {:e} and {WORLD_MAX:e} and an origin within {WORLD_MAX:e}, got edges {edges:?}",
-        1.0 / WORLD_MAX
+        "{key} must give voxel edges within {WORLD_MIN:e} and {WORLD_MAX:e} and an origin within {WORLD_MAX:e}, got edges {edges:?}"
     )))
 }
 

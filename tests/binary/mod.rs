@@ -34,12 +34,15 @@ impl Run {
 /// `ashfall arguments`.
 pub fn ashfall<S: AsRef<OsStr>>(arguments: impl IntoIterator<Item = S>) -> Run {
     let mut command = Command::new(env!("CARGO_BIN_EXE_ashfall"));
+    // What a test lets slip must not be written into the repository.
+    command.current_dir(std::env::temp_dir());
     Run::of(command.args(arguments).output().expect("the binary runs"))
 }
 
 /// `ashfall arguments` in an address space of so many KiB.
 pub fn ashfall_within<S: AsRef<OsStr>>(kib: u64, arguments: impl IntoIterator<Item = S>) -> Run {
     let mut shell = Command::new("sh");
+    shell.current_dir(std::env::temp_dir());
     shell.arg("-c").arg(format!("ulimit -v {kib}; exec \"$0\" \"$@\""));
     shell.arg(env!("CARGO_BIN_EXE_ashfall")).args(arguments);
     Run::of(shell.output().expect("the binary runs"))
