@@ -5,7 +5,8 @@
 //          channels  [image]    voxels with an apron of one on every side; absent when every channel is constant
 // spaces   voxels (centre origin): block anchors in fixed point, samples in f32 from the anchor
 // variants LOAD_CHANNELS, SAMPLE_CHANNELS: one LOAD_ and one SAMPLE_ call per channel;
-//          SEGMENTS_TOTAL: of all channels, or TRANSFER_SEARCH where they are too many to select from;
+//          SEGMENTS_TOTAL: of all channels, or TRANSFER_SEARCH and SEARCH_STEPS where they are too
+//          many to select from;
 //          IMAGES: how many channels have an image;
 //          FILTER_SAMPLER, FILTER_FETCH or FILTER_QUADS; EARLY_STOP; NAN_VOXELS; SEVERAL_CHANNELS
 // source   emission and absorption, midpoint rule; weights 1 - exp(-sigma h) as in
