@@ -1,5 +1,10 @@
 //! What several tests need.
 
+// Each test file uses its own part of this.
+#![allow(dead_code)]
+
+pub mod device;
+
 use std::path::PathBuf;
 
 /// The folder of test volumes and scenes: `ASHFALL_SHARED`, else `../shared`, where its `data` is.
