@@ -1,6 +1,6 @@
 //! rays.comp against twins::rays: fixed-point geometry of random cameras on random volumes.
 
-use ashfall::passes::rays;
+use ashfall::passes::{rays, resolve};
 use ashfall::twins::ray::{RayGeometry, RayState};
 use ashfall::twins::rays::Push;
 
@@ -112,4 +112,42 @@ fn geometry_of_random_views_equals_the_twin() {
     // The input is what it is meant to be.
     let seen = [hits, misses, still, inside];
     assert!(seen.iter().all(|count| *count > 100), "hit, miss, still, inside: {seen:?}");
+}
+
+/// Silence of validation means something: a missing barrier before a read is heard.
+/// (Of two writes by dispatches, layers of 1.3.239 say nothing: there the recorder's own record is all.)
+#[test]
+fn a_missing_barrier_is_heard() {
+    let Some(device) = device() else { return };
+    let pipeline = device.pipeline(&rays::variant(1));
+    let views = device.filled("views", &[ashfall::twins::ray_setup::ViewRays::default()]);
+    let ray_geometry = device.room::<RayGeometry>("ray_geometry", 64);
+    let ray_state = device.room::<RayState>("ray_state", 64);
+    let push = Push {
+        tile_origin_pixel: [0; 2],
+        tile_size_pixel: [8; 2],
+        volume_size: [1; 3],
+        view: 0,
+        step_world: 1.0,
+    };
+    let finish = device.pipeline(&resolve::variant());
+    let picture = device.room::<[f32; 4]>("picture", 64);
+    let counters = device.filled("counters", &[0u32; 2]);
+    device.run(|recorder| {
+        let (ray_geometry, ray_state) = (&ray_geometry, &ray_state);
+        let resources = rays::Resources { views: &views, ray_geometry, ray_state };
+        rays::record(recorder, &pipeline, &resources, &push);
+        let tile_size_pixel = push.tile_size_pixel;
+        let push = resolve::Push { background: [0.0; 3], unused_0: 0, tile_size_pixel };
+        let (picture, counters) = (&picture, &counters);
+        let resources = resolve::Resources { ray_state, picture, counters };
+        resolve::record(recorder, &finish, &resources, &push);
+        recorder.leave_out_barriers_before("resolve");
+    });
+    assert!(
+        device.gpu.messages().iter().any(|said| said.text.contains("SYNC-HAZARD-READ-AFTER-WRITE"))
+    );
+    drop((views, ray_geometry, ray_state, picture, counters, pipeline, finish));
+    let end = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| drop(device)));
+    assert!(end.is_err(), "the device ends as if nothing had been said");
 }
