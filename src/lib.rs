@@ -5,5 +5,8 @@
 
 pub mod cli;
 pub mod error;
+pub mod import;
 pub mod scene;
+pub mod source;
+pub mod store;
 pub mod volume;

@@ -164,10 +164,10 @@ pub const MAGIC: [u8; 8] = *b"\x89BRICKS\n";
 pub const END_MAGIC: [u8; 8] = *b"BRICKEND";
 /// Of the format.
 pub const VERSION: u32 = 1;
-/// Length of an index page; the last one may be shorter.
-pub const PAGE_BYTES: usize = 4096;
-/// Entries of a full page.
-pub const PAGE_ENTRIES: usize = (PAGE_BYTES - page::BYTES) / entry::BYTES;
+/// Entries of a full index page.
+pub const PAGE_ENTRIES: usize = 128;
+/// Length of a full index page; the last one may be shorter.
+pub const PAGE_BYTES: usize = page::BYTES + PAGE_ENTRIES * entry::BYTES;
 /// Longest description that is read.
 pub const DESCRIPTION_BYTES_MAX: u64 = 16 << 20;
 /// Greatest payload per axis, so that a brick of four-byte voxels stays below 70 MB.
@@ -177,8 +177,6 @@ pub const LEVEL_COUNT_MAX: u32 = 64;
 /// Greatest number of channels.
 pub const CHANNEL_COUNT_MAX: u32 = u16::MAX as u32;
 
-// Entries fill a page without a rest, so every byte of it means something.
-const _: () = assert!(page::BYTES + PAGE_ENTRIES * entry::BYTES == PAGE_BYTES);
 const _: () = assert!(cfg!(target_endian = "little"), "voxels are stored as this machine holds them");
 
 /// What covers bytes of the file.

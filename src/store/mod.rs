@@ -1,0 +1,3 @@
+//! The brick file: one random-access file of bricks, drawn byte by byte in docs/FORMAT.md.
+
+pub mod layout;
