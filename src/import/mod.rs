@@ -1,1 +1,1 @@
-
+//! Other formats to stores.
