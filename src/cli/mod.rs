@@ -3,6 +3,14 @@
 //! What was typed is parsed by clap, turned into what it means, and run by one `match`. Results go to
 //! stdout, progress and logs to stderr.
 
+mod bench;
+mod bench_store;
+mod import;
+mod info;
+mod interrupt;
+mod progress;
+mod verify;
+
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -17,7 +25,17 @@ struct Arguments {
 }
 
 #[derive(Subcommand)]
-enum Command {}
+enum Command {
+    /// Make a brick store of a volume in any format known.
+    Import(import::Arguments),
+    /// Say what a store or another readable file holds.
+    Info(info::Arguments),
+    /// Read every byte of a store and name what is damaged.
+    Verify(verify::Arguments),
+    /// Measure, and print the figures.
+    #[command(subcommand)]
+    Bench(bench::Bench),
+}
 
 /// Runs the command that was typed; the exit code is the contract's.
 pub fn main() -> ExitCode {
@@ -39,5 +57,10 @@ pub fn main() -> ExitCode {
 }
 
 fn run(command: Command) -> Result<()> {
-    match command {}
+    match command {
+        Command::Import(arguments) => import::run(&arguments),
+        Command::Info(arguments) => info::run(&arguments),
+        Command::Verify(arguments) => verify::run(&arguments),
+        Command::Bench(bench) => bench::run(&bench),
+    }
 }

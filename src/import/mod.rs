@@ -1,1 +1,15 @@
-//! Other formats to stores.
+//! Other people's formats -> voxels -> store, in one pass and bounded memory.
+//!
+//! [`open`] gives runs of voxels in the file's order; a [`chain`] per channel keeps only the slices that
+//! bricks and coarser levels still need; [`import`] moves the one into the other on all cores.
+
+mod chain;
+mod convert;
+mod cut;
+mod input;
+mod pipeline;
+mod reduce;
+mod slices;
+
+pub use input::{Header, Input, Options, Run, open};
+pub use pipeline::{Progress, Settings, Summary, import, import_from};

@@ -86,6 +86,11 @@ impl Description {
         size.len().expect("a brick fits memory") * format.bytes()
     }
 
+    /// A brick of the greatest size: the first.
+    pub fn brick_largest(&self) -> BrickId {
+        BrickId { volume: 0, channel: 0, level: 0, x: 0, y: 0, z: 0 }
+    }
+
     /// Every brick, in the order of the store's index: level, channel, z, y, x.
     pub fn bricks(&self) -> impl Iterator<Item = BrickId> + '_ {
         let levels = 0..self.levels.count() as u8;

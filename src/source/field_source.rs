@@ -71,9 +71,8 @@ impl<F: Field> FieldSource<F> {
     fn level_0_box(&self, id: BrickId) -> ([u32; 3], [u32; 3]) {
         let (payload, _) = self.description.brick(id);
         let apron = i64::from(BRICK_APRON);
-        let first = |axis: usize| {
-            self.level_0_voxel(id, axis, i64::from(payload.start[axis]) - apron)
-        };
+        let first =
+            |axis: usize| self.level_0_voxel(id, axis, i64::from(payload.start[axis]) - apron);
         let last =
             |axis: usize| self.level_0_voxel(id, axis, i64::from(payload.end[axis]) - 1 + apron);
         (std::array::from_fn(first), std::array::from_fn(last))

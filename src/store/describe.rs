@@ -5,9 +5,7 @@ use crate::source::{ChannelDescription, Description};
 use crate::store::layout::{
     CHANNEL_COUNT_MAX, LEVEL_COUNT_MAX, PAYLOAD_MAX, channel, description as fixed, level,
 };
-use crate::volume::{
-    BRICK_APRON, Level, Levels, Size3, ValueRange, VoxelFormat, WorldFromVoxel,
-};
+use crate::volume::{BRICK_APRON, Level, Levels, Size3, ValueRange, VoxelFormat, WorldFromVoxel};
 
 fn code(format: VoxelFormat) -> u32 {
     VoxelFormat::ALL.iter().position(|&known| known == format).expect("ALL has all") as u32
@@ -122,9 +120,7 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Description> {
         .ok_or_else(|| bad("its levels are not halvings of the volume down to one brick"))?;
 
     let transform = fixed::TRANSFORM.of::<96>(head);
-    let number = |i: usize| {
-        f64::from_le_bytes(std::array::from_fn(|byte| transform[i * 8 + byte]))
-    };
+    let number = |i: usize| f64::from_le_bytes(std::array::from_fn(|byte| transform[i * 8 + byte]));
     let rows = std::array::from_fn(|row| std::array::from_fn(|column| number(row * 4 + column)));
     let world_from_voxel = WorldFromVoxel::from_rows(rows).map_err(|why| bad(&why.message))?;
 

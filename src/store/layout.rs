@@ -177,7 +177,8 @@ pub const LEVEL_COUNT_MAX: u32 = 64;
 /// Greatest number of channels.
 pub const CHANNEL_COUNT_MAX: u32 = u16::MAX as u32;
 
-const _: () = assert!(cfg!(target_endian = "little"), "voxels are stored as this machine holds them");
+const _: () =
+    assert!(cfg!(target_endian = "little"), "voxels are stored as this machine holds them");
 
 /// What covers bytes of the file.
 pub fn checksum(bytes: &[u8]) -> u64 {

@@ -29,11 +29,8 @@ impl PageCache {
         // Multiplying spreads the even distances between planes of bricks over all slots.
         let slot = (number.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 54) as usize % SLOTS;
         let slot = &self.slots[slot];
-        if let Some((_, page)) = slot
-            .lock()
-            .expect("no panic holds it")
-            .as_ref()
-            .filter(|(kept, _)| *kept == number)
+        if let Some((_, page)) =
+            slot.lock().expect("no panic holds it").as_ref().filter(|(kept, _)| *kept == number)
         {
             return Ok(Arc::clone(page));
         }

@@ -42,8 +42,7 @@ impl Store {
     /// When the file cannot be read, is no store, was cut, or its header or description is damaged.
     pub fn open(path: &Path) -> Result<Store> {
         let place = path.display();
-        let unreadable =
-            |why: io::Error| Error::input(format!("{place}: cannot be read ({why})"));
+        let unreadable = |why: io::Error| Error::input(format!("{place}: cannot be read ({why})"));
         let bad = |what: &str| {
             Error::input(format!("{place}: {what}; import the volume again or fetch a whole copy"))
         };
@@ -196,7 +195,7 @@ impl Store {
         let wanted = self.description.brick_bytes(id);
         let format = self.description.channels[usize::from(id.channel)].format;
         out.clear();
-        let mut read = |len: usize, out: &mut Vec<u8>| {
+        let read = |len: usize, out: &mut Vec<u8>| {
             out.resize(len, 0);
             self.file
                 .read_exact_at(out, entry.place)

@@ -6,10 +6,10 @@ use std::sync::Mutex;
 use rayon::prelude::*;
 
 use crate::error::Result;
+use crate::source::BrickSource;
 use crate::store::Store;
 use crate::store::layout::PAGE_ENTRIES;
 use crate::volume::{BrickId, Voxels};
-use crate::source::BrickSource;
 
 /// Damages that a report lists; the rest is only counted.
 const LISTED_MAX: usize = 1000;
@@ -111,7 +111,8 @@ fn verify_page(store: &Store, page_number: u64) -> Report {
             Ok(entry) => {
                 report.stored_bytes += u64::from(entry.stored_bytes);
                 let format = store.description().channels[usize::from(id.channel)].format;
-                if entry.stored_bytes > 0 && Voxels::from_bytes(format, &bytes).range() != entry.range
+                if entry.stored_bytes > 0
+                    && Voxels::from_bytes(format, &bytes).range() != entry.range
                 {
                     report.damaged_bricks += 1;
                     let message = format!("{id} has not the range that its entry says");
