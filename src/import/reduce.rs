@@ -86,6 +86,16 @@ pub fn fold_x<S: Copy + Add<Output = S>, T>(
         out.iter_mut().zip(row).for_each(|(out, &sum)| *out = to(sum));
         return;
     }
+    if parts == 1 {
+        // The common case apart, so that it is compiled without the inner loop.
+        out.iter_mut()
+            .zip(row.chunks_exact(2))
+            .for_each(|(out, pair)| *out = to(pair[0] + pair[1]));
+        if let ([.., out], [last]) = (out, row.chunks_exact(2).remainder()) {
+            *out = to(*last);
+        }
+        return;
+    }
     let pairs = row.chunks_exact(2 * parts);
     let rest = pairs.remainder();
     for (out, pair) in out.chunks_exact_mut(parts).zip(pairs) {

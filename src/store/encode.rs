@@ -20,6 +20,8 @@ pub struct Encoded {
     pub(crate) entries: Vec<Entry>,
     /// The bricks' bytes, back to back.
     pub(crate) bytes: Vec<u8>,
+    /// Where bricks are packed before it is known whether that made them smaller.
+    packed: Vec<u8>,
 }
 
 impl Encoded {
@@ -42,14 +44,15 @@ pub fn encode<V: Voxel>(
 ) {
     debug_assert_eq!(size.voxel_count(), voxels.len() as u128);
     debug_assert!(size.x > 2 * BRICK_APRON);
-    encoded.entries.push(place(voxels, compression, loss, &mut encoded.bytes));
+    let entry = place(voxels, compression, loss, encoded);
+    encoded.entries.push(entry);
 }
 
 fn place<V: Voxel>(
     voxels: &[V],
     compression: Compression,
     loss: impl FnOnce() -> f32,
-    out: &mut Vec<u8>,
+    Encoded { bytes: out, packed, .. }: &mut Encoded,
 ) -> Entry {
     let range = V::range(voxels);
     if range.is_empty() {
@@ -68,14 +71,12 @@ fn place<V: Voxel>(
     let start = out.len();
     let mut kind = Kind::Raw;
     if compression == Compression::Lz4 {
-        out.resize(start + lz4_flex::block::get_maximum_output_size(raw.len()), 0);
-        let packed = lz4_flex::block::compress_into(raw, &mut out[start..])
+        packed.resize(packed.len().max(lz4_flex::block::get_maximum_output_size(raw.len())), 0);
+        let len = lz4_flex::block::compress_into(raw, packed)
             .expect("the output has the greatest size that LZ4 can need");
-        out.truncate(start + packed);
-        if packed < raw.len() {
+        if len < raw.len() {
             kind = Kind::Lz4;
-        } else {
-            out.truncate(start);
+            out.extend_from_slice(&packed[..len]);
         }
     }
     if kind == Kind::Raw {

@@ -38,7 +38,10 @@ impl Folder {
         static COUNT: AtomicU64 = AtomicU64::new(0);
         let count = COUNT.fetch_add(1, Ordering::Relaxed);
         let name = format!("ashfall-test-{}-{count}", std::process::id());
-        let path = std::env::temp_dir().join(name);
+        // In memory where that is possible: tests write tens of thousands of small files.
+        let memory = PathBuf::from("/dev/shm");
+        let parent = if memory.is_dir() { memory } else { std::env::temp_dir() };
+        let path = parent.join(name);
         std::fs::create_dir_all(&path).unwrap();
         Folder(path)
     }
