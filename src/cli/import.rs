@@ -183,6 +183,7 @@ fn to_json(output: &Path, summary: &Summary) -> serde_json::Value {
         "voxel_bytes": summary.voxel_bytes,
         "wall_ms": summary.wall.as_secs_f64() * 1e3,
         "mib_per_second": mib_per_second(summary),
+        "peak_rss_bytes": crate::cli::bench_store::peak_rss_bytes(),
         "notes": summary.notes,
         "volume": crate::cli::info::description_json(&summary.description),
     })
