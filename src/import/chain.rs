@@ -11,33 +11,12 @@ use std::collections::VecDeque;
 use std::io;
 use std::path::Path;
 
-use rayon::prelude::*;
-
-use crate::import::cut::{Window, loss, stored_planes};
-use crate::import::reduce::{Summed, means, sum_sums, sum_voxels};
-use crate::import::slices::{Budget, Slices};
+use crate::import::coarsen::coarsen;
+use crate::import::level_slices::{LevelSlices, Plan, Take};
+use crate::import::reduce::Summed;
+use crate::import::slices::Budget;
 use crate::source::Description;
-use crate::store::{Compression, Encoded, encode};
-use crate::volume::{BRICK_APRON, BrickGrid, BrickId, Level, Size3, ValueRange, Voxels};
-
-/// Voxel bytes that one task cuts and packs: enough to outweigh handing it over.
-pub const TASK_BYTES: usize = 256 << 10;
-
-/// Where finished bricks go, in an order that never depends on threads.
-pub type Take<'a> = dyn FnMut(BrickId, Encoded) -> io::Result<()> + 'a;
-
-/// How a chain works.
-#[derive(Clone, Copy, Debug)]
-pub struct Plan {
-    /// Of the bricks.
-    pub compression: Compression,
-    /// Bricks tasks that are in memory at once.
-    pub tasks: usize,
-    /// Keep all of level 0, so that runs may come in any order.
-    pub any_order: bool,
-    /// Whether some voxels will not come: they are set to the absent value first.
-    pub some_absent: bool,
-}
+use crate::volume::{BRICK_APRON, Size3, ValueRange, Voxels};
 
 /// What became of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,19 +53,6 @@ pub trait Chain: Send {
     fn release(self: Box<Self>, budget: &mut Budget);
 }
 
-struct LevelSlices<V> {
-    level: Level,
-    grid: BrickGrid,
-    /// Axes that the next level halves; nothing in the last.
-    halved: Option<[bool; 3]>,
-    voxels: Slices<V>,
-    /// Of the last two slices, in all levels that are summed but level 0.
-    sums: Option<Slices<f64>>,
-    counts: Option<Slices<f64>>,
-    complete: u32,
-    next_layer: u32,
-}
-
 /// The chain of a channel of voxel type `V`.
 pub struct ChainOf<V> {
     channel: u16,
@@ -112,39 +78,10 @@ impl<V: Summed> ChainOf<V> {
         budget: &mut Budget,
         target: &Path,
     ) -> io::Result<ChainOf<V>> {
-        let all: Vec<Level> = description.levels.iter().collect();
-        let mut levels = Vec::with_capacity(all.len());
-        for (number, &level) in all.iter().enumerate().rev() {
-            let [x, y, z] = level.size.to_array();
-            let kept = match (number, plan.any_order) {
-                (0, true) => z,
-                _ => z.min(description.payload.z + 2 * BRICK_APRON),
-            };
-            let next = all.get(number + 1);
-            let summed = number > 0 && next.is_some();
-            let mut items = |parts: usize, wanted: bool| {
-                let size = [x as usize * parts, y as usize];
-                wanted.then(|| Slices::new(size, 2.min(z), budget, target)).transpose()
-            };
-            let sums = items(V::PARTS, summed)?;
-            let counts = items(1, summed && V::COUNTED)?;
-            levels.push(LevelSlices {
-                level,
-                grid: BrickGrid { size: level.size, payload: description.payload },
-                halved: next
-                    .map(|next| std::array::from_fn(|axis| next.scale[axis] != level.scale[axis])),
-                voxels: Slices::new([x as usize, y as usize], kept, budget, target)?,
-                sums,
-                counts,
-                complete: 0,
-                next_layer: 0,
-            });
-        }
-        levels.reverse();
         Ok(ChainOf {
             channel,
             plan,
-            levels,
+            levels: LevelSlices::all(description, plan, budget, target)?,
             covered: VecDeque::new(),
             opened: 0,
             delivered: 0,
@@ -211,201 +148,34 @@ impl<V: Summed> ChainOf<V> {
 
     /// Does what the newest slice of level `number` makes possible, in all levels.
     fn advance(&mut self, number: usize, take: &mut Take) -> io::Result<()> {
+        let size_0 = self.levels[0].grid.size;
         let level = &self.levels[number];
-        let newest = level.complete - 1;
+        let end = level.complete;
         if let Some(halved) = level.halved {
             let factor = if halved[2] { 2 } else { 1 };
-            if (newest + 1).is_multiple_of(factor) || newest + 1 == level.grid.size.z {
-                self.reduce(number, newest / factor, newest - newest % factor..newest + 1)?;
-                self.levels[number + 1].complete += 1;
+            if end.is_multiple_of(factor) || end == level.grid.size.z {
+                let coarse_z = (end - 1) / factor;
+                let (finer, coarser) = self.levels.split_at_mut(number + 1);
+                let (finer, coarser) = (&finer[number], &mut coarser[0]);
+                let slices = coarse_z * factor..end;
+                coarsen(finer, coarser, size_0, coarse_z, slices, self.plan.tasks)?;
+                coarser.complete += 1;
                 self.advance(number + 1, take)?;
             }
         }
         // The last slice can make two layers possible: its own and the one that has it as apron.
-        loop {
-            let level = &self.levels[number];
-            let size_z = level.grid.size.z;
-            let start = level.next_layer.saturating_mul(level.grid.payload.z);
-            let end = start.saturating_add(level.grid.payload.z).min(size_z);
-            if start >= size_z || level.complete < (end + BRICK_APRON).min(size_z) {
-                return Ok(());
-            }
-            self.cut_layer(number, take)?;
-            self.levels[number].next_layer += 1;
-        }
-    }
-
-    /// Makes slice `coarse_z` of the next level out of `slices` of this one.
-    fn reduce(
-        &mut self,
-        number: usize,
-        coarse_z: u32,
-        slices: std::ops::Range<u32>,
-    ) -> io::Result<()> {
-        let size_0 = self.levels[0].grid.size.to_array();
-        let (finer, coarser) = self.levels.split_at_mut(number + 1);
-        let (finer, coarser) = (&finer[number], &mut coarser[0]);
-        let halved = finer.halved.expect("there is a next level");
-        let [nx, ny, _] = coarser.grid.size.to_array();
-        let covered = |axis: usize, coarse: u32| {
-            let scale = u64::from(coarser.level.scale[axis]);
-            f64::from((u64::from(size_0[axis]) - u64::from(coarse) * scale).min(scale) as u32)
-        };
-        let covered_x: Vec<f64> = (0..nx).map(|x| covered(0, x)).collect();
-        let fine_rows = finer.grid.size.y as usize;
-        let fine_width = finer.grid.size.x as usize;
-        let factor_y = if halved[1] { 2 } else { 1 };
-        // Blocks of rows as tasks; a batch of them is in memory at once.
-        let row_bytes = fine_width * V::PARTS * size_of::<f64>() * factor_y * 2;
-        let block = (TASK_BYTES * 4 / row_bytes).clamp(1, ny as usize);
-        let starts: Vec<usize> = (0..ny as usize).step_by(block).collect();
-        let width = nx as usize * V::PARTS;
-        let do_block = |&start: &usize| -> io::Result<_> {
-            let rows = block.min(ny as usize - start);
-            let fine = start * factor_y..((start + rows) * factor_y).min(fine_rows);
-            let mut sums = vec![0.0; rows * width];
-            let mut counts = vec![0.0; if V::COUNTED { rows * nx as usize } else { 0 }];
-            let mut voxels = vec![V::ABSENT; rows * nx as usize];
-            let at = |row: usize| (start + row) * factor_y - fine.start;
-            let end = |row: usize| (at(row) + factor_y).min(fine.len());
-            if number == 0 {
-                let planes = slices
-                    .clone()
-                    .map(|z| finer.voxels.rows(z, fine.clone()))
-                    .collect::<io::Result<Vec<_>>>()?;
-                for row in 0..rows {
-                    let here = at(row) * fine_width..end(row) * fine_width;
-                    let fine: Vec<&[V]> = planes
-                        .iter()
-                        .flat_map(|plane| plane[here.clone()].chunks_exact(fine_width))
-                        .collect();
-                    let count_row = row * nx as usize..(row + 1) * nx as usize;
-                    let counts = counts.get_mut(count_row).unwrap_or_default();
-                    sum_voxels(&fine, halved[0], &mut sums[row * width..(row + 1) * width], counts);
-                }
-            } else {
-                let add = |from: &Slices<f64>, parts: usize, out: &mut [f64]| {
-                    let (fine_width, width) = (fine_width * parts, nx as usize * parts);
-                    let planes = slices
-                        .clone()
-                        .map(|z| from.rows(z, fine.clone()))
-                        .collect::<io::Result<Vec<_>>>()?;
-                    for (row, out) in out.chunks_exact_mut(width).enumerate() {
-                        let here = at(row) * fine_width..end(row) * fine_width;
-                        let fine: Vec<&[f64]> = planes
-                            .iter()
-                            .flat_map(|plane| plane[here.clone()].chunks_exact(fine_width))
-                            .collect();
-                        sum_sums(&fine, parts, halved[0], out);
-                    }
-                    io::Result::Ok(())
-                };
-                add(finer.sums.as_ref().expect("kept for the next level"), V::PARTS, &mut sums)?;
-                if let Some(from) = &finer.counts {
-                    add(from, 1, &mut counts)?;
-                }
-            }
-            for row in 0..rows {
-                let here = row * nx as usize..(row + 1) * nx as usize;
-                means(
-                    &sums[row * width..(row + 1) * width],
-                    counts.get(here.clone()).unwrap_or_default(),
-                    &covered_x,
-                    covered(1, (start + row) as u32) * covered(2, coarse_z),
-                    &mut voxels[here],
-                );
-            }
-            Ok((start, sums, counts, voxels))
-        };
-        for batch in starts.chunks(self.plan.tasks) {
-            let done: Vec<_> = if batch.len() == 1 {
-                vec![do_block(&batch[0])]
-            } else {
-                batch.par_iter().map(do_block).collect()
-            };
-            for block in done {
-                let (start, sums, counts, voxels) = block?;
-                coarser.voxels.write(coarse_z, start, 0, nx as usize, &voxels)?;
-                if let Some(kept) = &mut coarser.sums {
-                    kept.write(coarse_z, start, 0, width, &sums)?;
-                }
-                if let Some(kept) = &mut coarser.counts {
-                    kept.write(coarse_z, start, 0, nx as usize, &counts)?;
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Cuts the next layer of bricks of a level and gives them away, row by row.
-    fn cut_layer(&mut self, number: usize, take: &mut Take) -> io::Result<()> {
-        let level = &self.levels[number];
-        let grid = level.grid;
-        let layer = level.next_layer;
-        let bricks = grid.bricks();
-        let brick_bytes = grid.stored_size([0, 0, layer]).len().expect("fits") * size_of::<V>();
-        let per_task = (TASK_BYTES / brick_bytes).clamp(1, bricks.x as usize);
-        let tasks: Vec<[u32; 2]> = (0..bricks.y)
-            .flat_map(|y| (0..bricks.x).step_by(per_task).map(move |x| [x, y]))
-            .collect();
-        let cut = |&[x, y]: &[u32; 2]| -> io::Result<(BrickId, Encoded)> {
-            let end = (x + per_task as u32).min(bricks.x);
-            let encoded = cut_bricks(level, self.plan.compression, [x, y, layer], end)?;
-            let id =
-                BrickId { volume: 0, channel: self.channel, level: number as u8, x, y, z: layer };
-            Ok((id, encoded))
-        };
-        for batch in tasks.chunks(self.plan.tasks) {
-            let done: Vec<_> = batch.par_iter().map(cut).collect();
-            for bricks in done {
-                let (first, encoded) = bricks?;
+        while self.levels[number].layer_is_ready() {
+            let range = &mut self.range;
+            let mut take_ranged = |first, encoded: crate::store::Encoded| {
                 if number == 0 {
-                    self.range = self.range.union(encoded.range());
+                    *range = range.union(encoded.range());
                 }
-                take(first, encoded)?;
-            }
+                take(first, encoded)
+            };
+            self.levels[number].cut_layer(self.channel, self.plan, &mut take_ranged)?;
         }
         Ok(())
     }
-}
-
-/// Bricks (x..end_x, y, z) of a level.
-fn cut_bricks<V: Summed>(
-    level: &LevelSlices<V>,
-    compression: Compression,
-    [x, y, z]: [u32; 3],
-    end_x: u32,
-) -> io::Result<Encoded> {
-    let grid = level.grid;
-    let [first, last] = [[x, y, z], [end_x - 1, y, z]].map(|brick| grid.payload_box(brick));
-    let size = grid.size.to_array();
-    let around = |axis: usize| {
-        let start = first.start[axis].saturating_sub(BRICK_APRON);
-        start..(last.end[axis] + BRICK_APRON).min(size[axis])
-    };
-    let zs: Vec<u32> = stored_planes(first.start[2], first.end[2], size[2]).collect();
-    let mut copies = Vec::new();
-    let window = if let Some(planes) = zs.iter().map(|&z| level.voxels.slice(z)).collect() {
-        Window { planes, pitch: size[0] as usize, origin: [0, 0] }
-    } else {
-        let [xs, ys, copied_zs] = [around(0), around(1), around(2)];
-        for z in copied_zs.clone() {
-            let [y, x] = [&ys, &xs].map(|range| range.start as usize..range.end as usize);
-            copies.push(level.voxels.copy_box(z, y, x)?);
-        }
-        let plane = |&z: &u32| copies[(z - copied_zs.start) as usize].as_slice();
-        let planes = zs.iter().map(plane).collect();
-        Window { planes, pitch: xs.len(), origin: [xs.start, ys.start] }
-    };
-    let mut encoded = Encoded::default();
-    let mut voxels = Vec::new();
-    for x in x..end_x {
-        let payload = grid.payload_box([x, y, z]);
-        window.cut(grid, payload, &mut voxels);
-        let lost = || level.halved.map_or(0.0, |halved| loss(&voxels, payload, grid.size, halved));
-        encode(&voxels, grid.stored_size([x, y, z]), compression, lost, &mut encoded);
-    }
-    Ok(encoded)
 }
 
 impl<V: Summed> Chain for ChainOf<V> {
@@ -444,11 +214,6 @@ impl<V: Summed> Chain for ChainOf<V> {
     }
 
     fn release(self: Box<Self>, budget: &mut Budget) {
-        for level in self.levels {
-            level.voxels.release(budget);
-            for kept in [level.sums, level.counts].into_iter().flatten() {
-                kept.release(budget);
-            }
-        }
+        self.levels.into_iter().for_each(|level| level.release(budget));
     }
 }

@@ -1,20 +1,20 @@
 //! From an input to a store: one thread decodes, all cut and pack, one writes.
 
-use std::io;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use crossbeam_channel::{Receiver, Sender, bounded};
+use crossbeam_channel::{Sender, bounded};
 
 use crate::error::{Error, Result};
-use crate::import::chain::{Chain, ChainOf, Plan, Pushed, TASK_BYTES};
-use crate::import::convert::{Counts, convert, kept_format};
+use crate::import::build::{Build, Decoded};
+use crate::import::chain::Pushed;
+use crate::import::convert::{convert, kept_format};
+use crate::import::level_slices::{Plan, TASK_BYTES};
 use crate::import::slices::Budget;
 use crate::import::{Header, Input, Options, Run, input};
 use crate::source::{ChannelDescription, Description};
-use crate::store::{Compression, Encoded, Numbering, Writer, disk_error};
+use crate::store::{Compression, Encoded, Numbering, Writer};
 use crate::volume::{BrickId, Levels, Size3, ValueRange};
-use crate::with_voxel_type;
 
 /// Memory that does not hold slices: runs on their way, bricks on theirs, the index, the program.
 const OTHER_BYTES: u64 = 128 << 20;
@@ -124,15 +124,10 @@ fn attempt(
         any_order,
         some_absent: absent_voxels > 0,
     };
-    let mut build = Build {
-        target,
-        plan,
-        budget: Budget::new(ram_bytes.saturating_sub(OTHER_BYTES).max(ram_bytes / 4)),
-        chains: (0..description.channels.len()).map(|_| None).collect(),
-        done_bytes: 0,
-    };
+    let budget = Budget::new(ram_bytes.saturating_sub(OTHER_BYTES).max(ram_bytes / 4));
+    let format = description.channels[0].format;
+    let mut build = Build::new(target, plan, budget, &mut description);
     let (built, written) = std::thread::scope(|scope| {
-        let format = description.channels[0].format;
         scope.spawn(move || decode(input, format, &to_chains));
         let written = scope.spawn(move || {
             for (first, encoded) in bricks {
@@ -140,7 +135,9 @@ fn attempt(
             }
             Ok(writer)
         });
-        let built = build.run(&mut description, runs, to_writer, progress);
+        let built = build.run(&runs, &to_writer, progress);
+        // Both other threads end when no one listens or speaks to them any more.
+        drop((runs, to_writer));
         (built, written.join().expect("the writer does not panic"))
     });
     // When the writer stopped, that is why building stopped.
@@ -148,14 +145,15 @@ fn attempt(
     if built? == Pushed::OutOfOrder {
         return Ok(None);
     }
-    count_absent(&mut description, absent_voxels)?;
+    count_absent(&mut description, absent_voxels);
     let voxel_bytes = voxel_bytes(&description);
     let file_bytes = writer.finish(&description)?;
     let wall = Duration::ZERO;
     Ok(Some(Summary { description, file_bytes, voxel_bytes, notes, any_order, wall }))
 }
 
-fn voxel_bytes(description: &Description) -> u64 {
+/// Bytes of all channels' voxels.
+pub fn voxel_bytes(description: &Description) -> u64 {
     let bytes: u64 = description.channels.iter().map(|row| row.format.bytes() as u64).sum();
     (description.size().voxel_count() * u128::from(bytes)).try_into().unwrap_or(u64::MAX)
 }
@@ -163,6 +161,9 @@ fn voxel_bytes(description: &Description) -> u64 {
 fn describe(header: &Header, settings: &Settings) -> Result<Description> {
     if header.size.is_empty() || header.channels == 0 {
         return Err(Error::input("the input has no voxels"));
+    }
+    if header.size.voxel_count() >= 1 << 63 {
+        return Err(Error::input(format!("{} are more than 2^63 voxels", header.size)));
     }
     if header.channels > u32::from(u16::MAX) {
         return Err(Error::input(format!("{} channels are more than 65535", header.channels)));
@@ -200,8 +201,6 @@ fn describe(header: &Header, settings: &Settings) -> Result<Description> {
     })
 }
 
-type Decoded = Result<(Run, Counts)>;
-
 fn decode(mut input: Box<dyn Input>, format: crate::volume::VoxelFormat, out: &Sender<Decoded>) {
     loop {
         let run = match input.next_run() {
@@ -220,135 +219,8 @@ fn decode(mut input: Box<dyn Input>, format: crate::volume::VoxelFormat, out: &S
     }
 }
 
-struct Build<'a> {
-    target: &'a Path,
-    plan: Plan,
-    budget: Budget,
-    chains: Vec<Option<Box<dyn Chain>>>,
-    done_bytes: u64,
-}
-
-impl Build<'_> {
-    fn run(
-        &mut self,
-        description: &mut Description,
-        runs: Receiver<Decoded>,
-        to_writer: Sender<(BrickId, Encoded)>,
-        progress: &mut Progress,
-    ) -> Result<Pushed> {
-        let mut take = |first: BrickId, encoded: Encoded| {
-            to_writer.send((first, encoded)).map_err(|_| io::Error::other("the writer stopped"))
-        };
-        let disk = |why: io::Error| disk_error(self.target, &why);
-        let passes = if self.plan.any_order { 2 } else { 1 };
-        let total = voxel_bytes(description) * passes;
-        let slice_voxels = u64::from(description.size().x) * u64::from(description.size().y);
-        let all_voxels = description.size().voxel_count() as u64;
-        let mut finished = vec![false; description.channels.len()];
-        for run in runs {
-            let (run, counts) = run?;
-            let channel = run.channel as usize;
-            check(description, &run)?;
-            let bytes = run.voxels.bytes().len() as u64;
-            if self.chains[channel].is_none() && !finished[channel] {
-                let made = new_chain(
-                    description,
-                    channel as u16,
-                    self.plan,
-                    &mut self.budget,
-                    self.target,
-                );
-                self.chains[channel] = Some(made.map_err(disk)?);
-            }
-            let Some(chain) = &mut self.chains[channel] else {
-                return Ok(Pushed::OutOfOrder);
-            };
-            let pushed = chain.push(run.start, run.size, &run.voxels, &mut take).map_err(disk)?;
-            if pushed == Pushed::OutOfOrder {
-                return Ok(pushed);
-            }
-            let row = &mut description.channels[channel];
-            row.nan_voxels += counts.nan;
-            row.infinite_voxels += counts.infinite;
-            if chain.delivered() == all_voxels && !self.plan.any_order {
-                row.range = chain.range();
-                finished[channel] = true;
-                if let Some(chain) = self.chains[channel].take() {
-                    chain.release(&mut self.budget);
-                }
-            }
-            self.done_bytes += bytes;
-            progress(self.done_bytes, total);
-        }
-        for (channel, finished) in finished.into_iter().enumerate().filter(|(_, done)| !done) {
-            debug_assert!(!finished);
-            // A channel without a run is absent as a whole; bricks never written are, in f32.
-            let mut chain = match self.chains[channel].take() {
-                Some(chain) => chain,
-                None => {
-                    new_chain(description, channel as u16, self.plan, &mut self.budget, self.target)
-                        .map_err(disk)?
-                }
-            };
-            let row = &mut description.channels[channel];
-            row.absent_voxels = all_voxels.saturating_sub(chain.delivered());
-            if row.absent_voxels > 0 && !self.plan.some_absent {
-                return Err(Error::input(format!(
-                    "the input ended early: {} of {all_voxels} voxels of channel {channel} are \
-                     missing; fetch a whole copy",
-                    row.absent_voxels
-                )));
-            }
-            let slice_bytes = slice_voxels * row.format.bytes() as u64;
-            let before = self.done_bytes;
-            chain
-                .end(&mut take, &mut |slices| {
-                    if passes == 2 {
-                        self.done_bytes = before + u64::from(slices) * slice_bytes;
-                        progress(self.done_bytes, total);
-                    }
-                })
-                .map_err(disk)?;
-            row.range = chain.range();
-            chain.release(&mut self.budget);
-        }
-        Ok(Pushed::Taken)
-    }
-}
-
-fn new_chain(
-    description: &Description,
-    channel: u16,
-    plan: Plan,
-    budget: &mut Budget,
-    target: &Path,
-) -> io::Result<Box<dyn Chain>> {
-    with_voxel_type!(description.channels[usize::from(channel)].format, V => {
-        Ok(Box::new(ChainOf::<V>::new(description, channel, plan, budget, target)?))
-    })
-}
-
-/// A reader that gives runs outside its own volume has a bug; one sentence is kinder than a panic.
-fn check(description: &Description, run: &Run) -> Result<()> {
-    let size = description.size().to_array();
-    let inside = (0..3).all(|axis| {
-        let run_size = run.size.to_array()[axis];
-        run_size > 0 && run.start[axis].checked_add(run_size).is_some_and(|end| end <= size[axis])
-    });
-    let whole = run.size.voxel_count() == run.voxels.len() as u128;
-    if inside && whole && (run.channel as usize) < description.channels.len() {
-        return Ok(());
-    }
-    Err(Error::input(format!(
-        "the reader gave voxels at {:?} of {} outside the volume of {}; please report this file",
-        run.start,
-        run.size,
-        description.size()
-    )))
-}
-
 /// Absent voxels that came as NaN are absent, not NaN of the input.
-fn count_absent(description: &mut Description, header_absent: u64) -> Result<()> {
+fn count_absent(description: &mut Description, header_absent: u64) {
     let undelivered: u64 = description.channels.iter().map(|row| row.absent_voxels).sum();
     let mut rest = header_absent.saturating_sub(undelivered);
     for row in &mut description.channels {
@@ -357,5 +229,4 @@ fn count_absent(description: &mut Description, header_absent: u64) -> Result<()>
         row.absent_voxels += came_as_nan;
         rest -= came_as_nan;
     }
-    Ok(())
 }
