@@ -11,10 +11,13 @@ use ashfall::store::{Compression, Store, verify};
 use ashfall::volume::{Size3, VoxelFormat};
 use support::{Folder, Random, Volume, settings, voxels};
 
-/// The drawings of docs/FORMAT.md: heading -> (offset, name, bytes) of every field.
-fn drawings() -> Vec<(String, Vec<(usize, String, usize)>)> {
+/// Offset, name and bytes of every field of a drawing.
+type Drawing = Vec<(usize, String, usize)>;
+
+/// The drawings of docs/FORMAT.md, each with its heading.
+fn drawings() -> Vec<(String, Drawing)> {
     let page = include_str!("../docs/FORMAT.md");
-    let mut drawings: Vec<(String, Vec<(usize, String, usize)>)> = Vec::new();
+    let mut drawings: Vec<(String, Drawing)> = Vec::new();
     let (mut heading, mut drawing) = (String::new(), false);
     for line in page.lines() {
         if let Some(text) = line.strip_prefix("## ") {
