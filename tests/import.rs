@@ -2,9 +2,13 @@
 
 mod support;
 
+use std::path::Path;
+
+use ashfall::error::{Exit, Result};
+use ashfall::import::{Header, Input, Run, Settings, Summary, import_from};
 use ashfall::source::{BrickEntry, BrickSource};
 use ashfall::store::{Compression, Store, verify};
-use ashfall::volume::{BrickId, Levels, Size3, ValueRange, VoxelFormat, Voxels};
+use ashfall::volume::{BrickId, Levels, Size3, ValueRange, VoxelFormat, Voxels, WorldFromVoxel};
 use proptest::prelude::*;
 use support::{Folder, Random, Volume, default_settings, naive_means, settings, voxels};
 
@@ -174,7 +178,7 @@ fn check_bricks(store: &Store, channel: u16, level: u8, whole: &Voxels) {
     }
 }
 
-fn import_and_check(volume: &Volume, settings: &ashfall::import::Settings) {
+fn import_and_check(volume: &Volume, settings: &Settings) {
     let folder = Folder::new();
     let path = folder.join("t.bricks");
     let summary = volume.import(&path, settings).unwrap();
@@ -186,7 +190,7 @@ fn import_and_check(volume: &Volume, settings: &ashfall::import::Settings) {
     assert_eq!((report.damaged_bricks, report.bricks), (0, store.numbering().count()));
 }
 
-fn volume_strategy() -> impl Strategy<Value = (Volume, ashfall::import::Settings)> {
+fn volume_strategy() -> impl Strategy<Value = (Volume, Settings)> {
     let size = (1u32..40, 1u32..40, 1u32..40);
     let payload = (1u32..14, 1u32..14, 1u32..14);
     let spacing = prop::sample::select(vec![
@@ -298,48 +302,67 @@ fn absent_integers_become_f32_and_wholly_absent_bricks_are_known() {
     check(&store, &volume);
 }
 
-#[test]
-fn an_input_that_ends_early_is_refused() {
-    let size = Size3::new(4, 4, 6);
-    let mut volume = Volume::of(size, [1.0; 3], Voxels::U8(vec![1; 96]));
-    volume.absent_slices = vec![5];
-    let folder = Folder::new();
-    let path = folder.join("t.bricks");
-    // The header of `whole` promises all voxels, but the runs are those of `volume`.
-    let why = import_missing(&volume, &path);
-    assert_eq!(why.exit, ashfall::error::Exit::Input);
-    assert!(why.message.contains("16 of 96 voxels"), "{}", why.message);
-    assert!(folder.names().is_empty(), "nothing is left behind");
+/// An input of one run whose header may promise something else.
+struct OneRun(Header, Option<Run>);
+
+impl Input for OneRun {
+    fn header(&self) -> &Header {
+        &self.0
+    }
+
+    fn next_run(&mut self) -> Result<Option<Run>> {
+        Ok(self.1.take())
+    }
 }
 
-fn import_missing(volume: &Volume, path: &std::path::Path) -> ashfall::error::Error {
-    use ashfall::import::{Header, Input, Run, import_from};
-    struct Lying(Header, Option<Run>);
-    impl Input for Lying {
-        fn header(&self) -> &Header {
-            &self.0
-        }
-        fn next_run(&mut self) -> ashfall::error::Result<Option<Run>> {
-            Ok(self.1.take())
-        }
-    }
+/// Imports 4 x 4 x 6 voxels of which a run brings the first slices.
+fn import_one_run(voxels: &Voxels, absent_voxels: u64, target: &Path) -> Result<Summary> {
     let open = || {
-        let size = Size3::new(4, 4, 5);
         let header = Header {
-            size: volume.size,
+            size: Size3::new(4, 4, 6),
             channels: 1,
             times: 1,
-            format: VoxelFormat::U8,
-            world_from_voxel: ashfall::volume::WorldFromVoxel::from_spacing([1.0; 3]).unwrap(),
+            format: voxels.format(),
+            world_from_voxel: WorldFromVoxel::from_spacing([1.0; 3]).unwrap(),
             scaling: Vec::new(),
             unit: None,
             format_name: "memory",
             notes: Vec::new(),
-            absent_voxels: 0,
+            absent_voxels,
         };
-        let voxels = support::cut(&volume.channels[0], volume.size, [0; 3], size);
-        let run = Run { channel: 0, start: [0; 3], size, voxels };
-        Ok(Box::new(Lying(header, Some(run))) as Box<dyn Input>)
+        let size = Size3::new(4, 4, voxels.len() as u32 / 16);
+        let run = Run { channel: 0, start: [0; 3], size, voxels: voxels.clone() };
+        Ok(Box::new(OneRun(header, Some(run))) as Box<dyn Input>)
     };
-    import_from(&open, path, &default_settings(), &mut |_, _| {}).unwrap_err()
+    import_from(&open, target, &default_settings(), &mut |_, _| {})
+}
+
+#[test]
+fn an_input_that_ends_early_is_refused() {
+    let folder = Folder::new();
+    let path = folder.join("t.bricks");
+    let why = import_one_run(&Voxels::U8(vec![1; 80]), 0, &path).unwrap_err();
+    assert_eq!(why.exit, Exit::Input);
+    assert!(why.message.contains("16 of 96 voxels"), "{}", why.message);
+    assert!(folder.names().is_empty(), "nothing is left behind");
+}
+
+#[test]
+fn absent_voxels_that_come_as_nan_are_not_counted_twice() {
+    let folder = Folder::new();
+    let mut values = vec![2.0f32; 80];
+    values[..20].fill(f32::NAN);
+    // Of the 20 NaN, 8 stand for voxels that the file does not have; 16 more never come.
+    let path = folder.join("t.bricks");
+    let summary = import_one_run(&Voxels::F32(values), 24, &path).unwrap();
+    let channel = &summary.description.channels[0];
+    assert_eq!((channel.nan_voxels, channel.absent_voxels), (12, 24));
+}
+
+#[test]
+fn a_run_outside_the_volume_is_a_sentence() {
+    let folder = Folder::new();
+    let why = import_one_run(&Voxels::U8(vec![1; 112]), 0, &folder.join("t.bricks")).unwrap_err();
+    assert!(why.message.contains("outside the volume"), "{}", why.message);
+    assert!(folder.names().is_empty());
 }

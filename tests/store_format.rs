@@ -207,6 +207,27 @@ fn every_flipped_bit_is_refused_or_named() {
     assert!(named > 0);
 }
 
+#[test]
+fn an_index_page_in_another_s_place_is_named() {
+    use layout::{PAGE_BYTES, PAGE_ENTRIES, header};
+    let folder = Folder::new();
+    let size = Size3::new(16, 16, 2);
+    let volume = Volume::of(size, [1.0; 3], voxels(VoxelFormat::U8, size, &mut Random(1), false));
+    let path = folder.join("pages.bricks");
+    volume.import(&path, &settings(Size3::cube(1), 64, 1, Compression::Lz4)).unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    let index = header::INDEX_PLACE.u64(&bytes) as usize;
+    let (first, second) = bytes[index..index + 2 * PAGE_BYTES].split_at_mut(PAGE_BYTES);
+    first.swap_with_slice(second);
+    std::fs::write(&path, &bytes).unwrap();
+    let report = verify(&path, &|_, _| {}).unwrap();
+    assert_eq!(report.damaged_bricks, 2 * PAGE_ENTRIES as u64);
+    assert_eq!(report.damages.len(), 2, "a page is named once");
+    let store = Store::open(&path).unwrap();
+    assert!(store.entry(store.numbering().brick(0)).is_err());
+    assert!(store.entry(store.numbering().brick(2 * PAGE_ENTRIES as u64)).is_ok());
+}
+
 /// Sets every checksum right, so that what lies under them is met.
 fn with_checksums(bytes: &mut [u8]) {
     use layout::{PAGE_BYTES, checksum, header, page, trailer};
@@ -232,6 +253,23 @@ fn with_checksums(bytes: &mut [u8]) {
     let sum = checksum(&bytes[..header::HEADER_CHECKSUM.offset]).to_le_bytes();
     header::HEADER_CHECKSUM.set(bytes, &sum);
     trailer::HEADER_CHECKSUM.set(&mut bytes[len - trailer::BYTES..], &sum);
+}
+
+#[test]
+fn a_range_that_is_not_the_voxels_is_named() {
+    use layout::{entry, header, page};
+    let folder = Folder::new();
+    let mut bytes = small_store(&folder);
+    let first = header::INDEX_PLACE.u64(&bytes) as usize + page::BYTES;
+    let range = &mut bytes[first..first + entry::BYTES];
+    let wider = entry::GREATEST.f32(range) + 1.0;
+    entry::GREATEST.set(range, &wider.to_le_bytes());
+    with_checksums(&mut bytes);
+    let path = folder.join("range.bricks");
+    std::fs::write(&path, &bytes).unwrap();
+    let report = verify(&path, &|_, _| {}).unwrap();
+    assert_eq!(report.damaged_bricks, 1);
+    assert!(report.damages[0].message.contains("range"), "{}", report.damages[0].message);
 }
 
 /// No panic and no runaway allocation, whatever the bytes. Long runs: ASHFALL_LONG=1.

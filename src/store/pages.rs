@@ -39,3 +39,29 @@ impl PageCache {
         Ok(page)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn page(number: u64) -> Result<Vec<u8>> {
+        Ok(number.to_le_bytes().to_vec())
+    }
+
+    #[test]
+    fn pages_that_share_a_slot_are_not_taken_for_each_other() {
+        let cache = PageCache::new();
+        for number in (0..5 * SLOTS as u64).chain(0..5 * SLOTS as u64) {
+            assert_eq!(cache.get(number, || page(number)).unwrap()[..], number.to_le_bytes());
+        }
+    }
+
+    #[test]
+    fn a_page_is_read_once_while_it_stays_and_failures_are_not_kept() {
+        let cache = PageCache::new();
+        let failure = || Err(crate::error::Error::input("a test made it fail"));
+        assert!(cache.get(7, failure).is_err());
+        cache.get(7, || page(7)).unwrap();
+        assert_eq!(cache.get(7, failure).unwrap()[..], 7u64.to_le_bytes());
+    }
+}
