@@ -5,8 +5,14 @@
 
 pub mod cli;
 pub mod error;
+pub mod gpu;
 pub mod import;
+pub mod passes;
+pub mod reference;
+pub mod render;
 pub mod scene;
 pub mod source;
 pub mod store;
+pub mod study;
+pub mod twins;
 pub mod volume;

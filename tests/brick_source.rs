@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use ashfall::error::Exit;
 use ashfall::source::faulty::{Corrupt, Failing, Faulty, Short, Slow, Stalling};
-use ashfall::source::{BrickEntry, BrickSource, Field, FieldSource, read_checked};
+use ashfall::source::{BrickEntry, BrickSource, Field, FieldSource, KINDS, computed, read_checked};
 use ashfall::store::{Compression, Store};
 use ashfall::volume::{BrickId, Levels, Size3, ValueRange, VoxelFormat, Voxels, WorldFromVoxel};
 use support::{Folder, Random, Volume, settings, voxels};
@@ -226,6 +226,17 @@ fn computed_fields_keep_the_contract() {
     check_contract(&ramp(VoxelFormat::F32, Size3::new(1, 1, 1)));
     check_contract(&ramp(VoxelFormat::U16, Size3::cube(4096)));
     check_contract(&ramp(VoxelFormat::F32, Size3::new(4097, 9000, 64)));
+}
+
+#[test]
+fn computed_volumes_of_every_kind_keep_the_contract() {
+    for kind in KINDS {
+        for size in [Size3::new(40, 25, 33), Size3::cube(4096)] {
+            let field = computed(kind, size).unwrap();
+            let world = WorldFromVoxel::from_spacing([1.0; 3]).unwrap();
+            check_contract(&FieldSource::new(kind, field, size, Size3::cube(8), world));
+        }
+    }
 }
 
 #[test]

@@ -1,20 +1,31 @@
-//! `ashfall bench`: measurements as commands, one file per subject.
+//! `ashfall bench`: prices, as ratios within one run.
 
-use clap::Subcommand;
+mod sample;
+mod store;
 
-use crate::cli::bench_store;
+use clap::{Args, Subcommand};
+
 use crate::error::Result;
 
-/// Measure, and print the figures.
-#[derive(Subcommand)]
-pub enum Bench {
-    /// Import against `lz4 -1`, brick reads against one file per brick, opening, decoding, memory.
-    Store(bench_store::Arguments),
+pub use store::peak_rss_bytes;
+
+/// Measure prices on this machine, as ratios within one run.
+#[derive(Args)]
+pub struct Arguments {
+    #[command(subcommand)]
+    bench: Bench,
 }
 
-/// Runs the bench that was named.
-pub fn run(bench: &Bench) -> Result<()> {
-    match bench {
-        Bench::Store(arguments) => bench_store::run(arguments),
+#[derive(Subcommand)]
+enum Bench {
+    Sample(sample::Arguments),
+    Store(store::Arguments),
+}
+
+/// Runs one bench.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    match &arguments.bench {
+        Bench::Sample(arguments) => sample::run(arguments),
+        Bench::Store(arguments) => store::run(arguments),
     }
 }

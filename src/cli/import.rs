@@ -7,7 +7,7 @@ use serde_json::json;
 
 use crate::cli::{interrupt, progress};
 use crate::error::{Error, Result};
-use crate::import::{Options, Settings, Summary, import};
+use crate::import::{Options, SegyFields, Settings, Summary, import};
 use crate::store::Compression;
 use crate::store::layout::PAYLOAD_MAX;
 use crate::volume::{RawLayout, Size3, VoxelFormat};
@@ -66,6 +66,12 @@ pub struct Reading {
     /// Which time step of a series, from 0.
     #[arg(long, default_value_t = 0, value_name = "STEP")]
     time: u32,
+    /// SEG-Y: first byte of the inline number in a trace header, counted from 1.
+    #[arg(long, default_value_t = 189, value_name = "BYTE")]
+    segy_inline_byte: u16,
+    /// SEG-Y: first byte of the crossline number in a trace header, counted from 1.
+    #[arg(long, default_value_t = 193, value_name = "BYTE")]
+    segy_crossline_byte: u16,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -90,7 +96,11 @@ impl Reading {
             format,
             big_endian: self.raw_endian == Endian::Big,
         });
-        Options { raw, spacing: self.spacing, time: self.time }
+        let segy = SegyFields {
+            inline_byte: self.segy_inline_byte,
+            crossline_byte: self.segy_crossline_byte,
+        };
+        Options { raw, spacing: self.spacing, time: self.time, segy }
     }
 }
 
@@ -183,7 +193,7 @@ fn to_json(output: &Path, summary: &Summary) -> serde_json::Value {
         "voxel_bytes": summary.voxel_bytes,
         "wall_ms": summary.wall.as_secs_f64() * 1e3,
         "mib_per_second": mib_per_second(summary),
-        "peak_rss_bytes": crate::cli::bench_store::peak_rss_bytes(),
+        "peak_rss_bytes": crate::cli::bench::peak_rss_bytes(),
         "notes": summary.notes,
         "volume": crate::cli::info::description_json(&summary.description),
     })

@@ -4,21 +4,38 @@
 //! stdout, progress and logs to stderr.
 
 mod bench;
-mod bench_store;
+mod compare;
+mod devices;
 mod import;
 mod info;
 mod interrupt;
+mod load;
+mod output;
+mod picture_file;
+mod plan;
 mod progress;
+mod reference;
+mod render;
+mod scene_flags;
 mod verify;
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::error::Result;
+use crate::error::{Exit, Result};
 
+pub use load::load_scene;
+pub use picture_file::{read_exr, write_picture};
+
+/// Draws volumes that fit in no memory, and says how far from the truth each picture is.
+///
+/// A scene is a TOML file; start with `ashfall render scene.toml -o picture.png`. Every command
+/// prints results on stdout (with --json: one object) and progress on stderr, and ends with 0: done,
+/// 1: a bug, 2: wrong arguments, 3: unusable input, 4: the machine lacks something, 5: finished but
+/// incomplete, 6: a difference was found.
 #[derive(Parser)]
-#[command(name = "ashfall", version, about, propagate_version = true)]
+#[command(name = "ashfall", version, propagate_version = true, max_term_width = 100)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -26,15 +43,15 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Make a brick store of a volume in any format known.
+    Render(render::Arguments),
+    Plan(plan::Arguments),
+    Compare(compare::Arguments),
+    Reference(reference::Arguments),
+    Devices(devices::Arguments),
     Import(import::Arguments),
-    /// Say what a store or another readable file holds.
     Info(info::Arguments),
-    /// Read every byte of a store and name what is damaged.
     Verify(verify::Arguments),
-    /// Measure, and print the figures.
-    #[command(subcommand)]
-    Bench(bench::Bench),
+    Bench(bench::Arguments),
 }
 
 /// Runs the command that was typed; the exit code is the contract's.
@@ -44,7 +61,7 @@ pub fn main() -> ExitCode {
         Err(why) => {
             // Help and version go to stdout and are no error; clap knows which is which.
             let _ = why.print();
-            return ExitCode::from(if why.use_stderr() { 2 } else { 0 });
+            return ExitCode::from(if why.use_stderr() { Exit::Arguments as u8 } else { 0 });
         }
     };
     match run(arguments.command) {
@@ -58,9 +75,14 @@ pub fn main() -> ExitCode {
 
 fn run(command: Command) -> Result<()> {
     match command {
+        Command::Render(arguments) => render::run(&arguments),
+        Command::Plan(arguments) => plan::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
+        Command::Reference(arguments) => reference::run(&arguments),
+        Command::Devices(arguments) => devices::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
         Command::Verify(arguments) => verify::run(&arguments),
-        Command::Bench(bench) => bench::run(&bench),
+        Command::Bench(arguments) => bench::run(&arguments),
     }
 }

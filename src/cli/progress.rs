@@ -1,23 +1,55 @@
-//! A line on stderr with rate and time left, where someone is looking.
+//! Progress on stderr: a bar with rate and time left where somebody watches, else nothing.
 
-use std::io::IsTerminal;
+use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// Bytes done of bytes in all; silent when stderr is no terminal.
+/// A bar of bytes done of bytes in all; silent where nobody watches.
 pub fn bytes(verb: &'static str) -> ProgressBar {
     bar(verb, "{msg} {wide_bar} {bytes} of {total_bytes}, {binary_bytes_per_sec}, {eta} left")
 }
 
-/// Bricks done of bricks in all; silent when stderr is no terminal.
+/// A bar of bricks done of bricks in all; silent where nobody watches.
 pub fn bricks(verb: &'static str) -> ProgressBar {
     bar(verb, "{msg} {wide_bar} {pos} of {len} bricks, {per_sec}, {eta} left")
 }
 
 fn bar(verb: &'static str, template: &str) -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
+    let bar = ProgressBar::new(0).with_message(verb);
+    match ProgressStyle::with_template(template) {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
     }
-    let style = ProgressStyle::with_template(template).expect("the template is ours");
-    ProgressBar::new(0).with_style(style).with_message(verb)
+}
+
+/// Steps of the bar; progress is told as a part of 1.
+const STEPS: u64 = 1000;
+
+/// A bar that is gone when dropped.
+pub struct Progress(ProgressBar);
+
+impl Progress {
+    /// Starts a bar named `what`.
+    pub fn start(what: &str) -> Progress {
+        let bar = ProgressBar::new(STEPS);
+        let style =
+            ProgressStyle::with_template("{msg} {wide_bar} {percent}% in {elapsed}, {eta} left");
+        if let Ok(style) = style {
+            bar.set_style(style);
+        }
+        bar.set_message(what.to_owned());
+        bar.enable_steady_tick(Duration::from_millis(200));
+        Progress(bar)
+    }
+
+    /// Tells the finished part, 0 to 1.
+    pub fn set(&self, part: f64) {
+        self.0.set_position((part * STEPS as f64) as u64);
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
 }

@@ -11,7 +11,7 @@ use crate::import::chain::Pushed;
 use crate::import::convert::{convert, kept_format};
 use crate::import::level_slices::{Plan, TASK_BYTES};
 use crate::import::slices::Budget;
-use crate::import::{Header, Input, Options, Run, input};
+use crate::import::{Header, Input, Options, Run, open};
 use crate::source::{ChannelDescription, Description};
 use crate::store::{Compression, Encoded, Numbering, Writer};
 use crate::volume::{BrickId, Levels, Size3, ValueRange};
@@ -70,7 +70,7 @@ pub fn import(
     settings: &Settings,
     progress: &mut Progress,
 ) -> Result<Summary> {
-    import_from(&|| input::open(path, options), target, settings, progress)
+    import_from(&|| open(path, options), target, settings, progress)
 }
 
 /// The same from anything that can be opened, twice if its voxels come in no good order.
@@ -78,7 +78,7 @@ pub fn import(
 /// # Errors
 /// As [`import`].
 pub fn import_from(
-    open: &(dyn Fn() -> Result<Box<dyn Input>> + Sync),
+    opened: &(dyn Fn() -> Result<Box<dyn Input>> + Sync),
     target: &Path,
     settings: &Settings,
     progress: &mut Progress,
@@ -88,12 +88,13 @@ pub fn import_from(
         .num_threads(settings.jobs)
         .build()
         .map_err(|why| Error::machine(format!("cannot start {} jobs: {why}", settings.jobs)))?;
-    let mut summary = match pool.install(|| attempt(open()?, target, settings, false, progress))? {
-        Some(summary) => summary,
-        None => pool
-            .install(|| attempt(open()?, target, settings, true, progress))?
-            .expect("any order is a good order"),
-    };
+    let mut summary =
+        match pool.install(|| attempt(opened()?, target, settings, false, progress))? {
+            Some(summary) => summary,
+            None => pool
+                .install(|| attempt(opened()?, target, settings, true, progress))?
+                .expect("any order is a good order"),
+        };
     summary.wall = start.elapsed();
     Ok(summary)
 }

@@ -1,5 +1,9 @@
 //! Transfer functions: colour and extinction of a windowed value.
 
+/// Colours and extinctions whose products, summed over all channels, f32 holds.
+const COLOR_MAX: f64 = 1e8;
+const EXTINCTION_MAX: f64 = 1e24;
+
 /// One point of a transfer function.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TransferPoint {
@@ -34,16 +38,15 @@ impl TransferFunction {
             if !(0.0..=1.0).contains(&point.at) {
                 return refuse(format!("`at` must be within 0 and 1, got {}", point.at));
             }
-            if !point.color.iter().all(|c| c.is_finite() && *c >= 0.0 && *c <= f64::from(f32::MAX))
-            {
+            if !point.color.iter().all(|c| (0.0..=COLOR_MAX).contains(c)) {
                 return refuse(format!(
-                    "`color` must be finite and not negative, got {:?}",
+                    "`color` must be within 0 and {COLOR_MAX:e}, got {:?}",
                     point.color
                 ));
             }
-            if !(0.0..=1e30).contains(&point.extinction) {
+            if !(0.0..=EXTINCTION_MAX).contains(&point.extinction) {
                 return refuse(format!(
-                    "`extinction` must be within 0 and 1e30 per world unit, got {}",
+                    "`extinction` must be within 0 and {EXTINCTION_MAX:e} per world unit, got {}",
                     point.extinction
                 ));
             }

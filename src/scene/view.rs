@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use crate::volume::WorldFromVoxel;
+
 /// `[[view]]`: one camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
@@ -129,6 +131,16 @@ impl RayFrame {
             direction_column: map.transform_vector3(self.direction_column),
             direction_row: map.transform_vector3(self.direction_row),
         }
+    }
+
+    /// These rays, given in the world, in voxels (corner origin). The origin is taken relative to
+    /// the volume's corner first, so that a volume far from the world's origin loses no digits.
+    #[must_use]
+    pub fn in_voxels(&self, world_from_voxel: &WorldFromVoxel) -> RayFrame {
+        let corner_world = world_from_voxel.point(DVec3::ZERO);
+        let mut linear = world_from_voxel.voxel_from_world();
+        linear.translation = DVec3::ZERO;
+        RayFrame { origin: self.origin - corner_world, ..*self }.mapped(&linear)
     }
 
     /// Origin and direction of the ray through the centre of pixel (column, row).

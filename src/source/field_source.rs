@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::source::brick_source::no_such_brick;
-use crate::source::{BrickEntry, BrickSource, ChannelDescription, Description};
+use crate::source::{BrickEntry, BrickSource, ChannelDescription, Computed, Description};
 use crate::volume::{
     BRICK_APRON, BrickId, Levels, Size3, ValueRange, VoxelFormat, Voxels, WorldFromVoxel,
 };
@@ -15,6 +15,33 @@ pub trait Field: Send + Sync {
     fn fill(&self, start: [u32; 3], size: Size3, stride: [u32; 3]) -> Voxels;
     /// Bounds of the level-0 voxels of a box, cheap: empty space is known without evaluating it.
     fn bounds(&self, start: [u32; 3], size: Size3) -> ValueRange;
+}
+
+impl Field for Computed {
+    fn format(&self) -> VoxelFormat {
+        Computed::format(self)
+    }
+
+    fn fill(&self, start: [u32; 3], size: Size3, stride: [u32; 3]) -> Voxels {
+        if stride == [1; 3] {
+            return Computed::fill(self, start, size);
+        }
+        let at = |axis: usize, i: u32| start[axis] + i * stride[axis];
+        let values = (0..size.z).flat_map(|k| {
+            (0..size.y).flat_map(move |j| {
+                (0..size.x).map(move |i| self.value(at(0, i), at(1, j), at(2, k)))
+            })
+        });
+        match Computed::format(self) {
+            VoxelFormat::F32 => Voxels::F32(values.collect()),
+            // Every other kind is u8, and its values are whole.
+            _ => Voxels::U8(values.map(|value| value as u8).collect()),
+        }
+    }
+
+    fn bounds(&self, start: [u32; 3], size: Size3) -> ValueRange {
+        Computed::bounds(self, start, size)
+    }
 }
 
 /// A [`Field`] as one channel in bricks.
@@ -91,30 +118,30 @@ impl<F: Field> BrickSource for FieldSource<F> {
         let (first, last) = self.level_0_box(id);
         let size = std::array::from_fn(|axis| last[axis] - first[axis] + 1);
         let range = self.field.bounds(first, Size3::from_array(size));
-        // Only numbers whose bits follow from their value: 0 has two in f32, and NaN has no range.
-        let whole = self.field.format() != VoxelFormat::F32;
-        Ok(if whole && range.least == range.greatest && self.field.format() != VoxelFormat::Rgba8 {
-            let bits = range.least as i32;
-            BrickEntry::Constant(match self.field.format() {
-                VoxelFormat::U8 => [bits as u8, 0, 0, 0],
-                _ => [bits as u8, (bits >> 8) as u8, 0, 0],
-            })
-        } else {
-            BrickEntry::Stored { range, loss: f32::NAN }
-        })
+        // Of RGBA the range tells of alpha alone. Elsewhere equal bounds leave one value, whose bits
+        // one voxel tells.
+        if range.least == range.greatest && self.field.format() != VoxelFormat::Rgba8 {
+            let one = self.field.fill(first, Size3::cube(1), [1; 3]);
+            let mut voxel = [0; 4];
+            voxel[..one.bytes().len()].copy_from_slice(one.bytes());
+            return Ok(BrickEntry::Constant(voxel));
+        }
+        Ok(BrickEntry::Stored { range, loss: f32::NAN })
     }
 
     fn read(&self, id: BrickId, bytes: &mut Vec<u8>) -> Result<()> {
-        if !self.description.has(id) {
-            return Err(no_such_brick(&self.description, id));
+        bytes.clear();
+        if let BrickEntry::Constant(voxel) = self.entry(id)? {
+            let voxel = &voxel[..self.field.format().bytes()];
+            bytes.extend(voxel.iter().cycle().take(self.description.brick_bytes(id)));
+            return Ok(());
         }
         let (payload, stored) = self.description.brick(id);
-        let scale = self.description.levels.get(id.level).expect("has() looked").scale;
+        let scale = self.description.levels.get(id.level).expect("entry() looked").scale;
         let inner = payload.size();
         // The payload's own voxels lie at one stride, but for a last one that the far face clamps;
         // evaluating planes one by one keeps clamped and repeated voxels exact.
         let voxel_bytes = self.field.format().bytes();
-        bytes.clear();
         let at = |axis: usize, i: u32| {
             self.level_0_voxel(id, axis, i64::from(payload.start[axis]) + i64::from(i) - 1)
         };

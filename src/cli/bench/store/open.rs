@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use crate::cli::bench_store::memory::{peak_rss_bytes, run_self};
-use crate::cli::bench_store::{Arguments, Folder, median};
+use crate::cli::bench::store::memory::{peak_rss_bytes, run_self};
+use crate::cli::bench::store::{Arguments, Folder, median};
 use crate::error::Result;
 use crate::source::{BrickSource, ChannelDescription, Description};
 use crate::store::{Compression, Encoded, Numbering, Store, Writer, encode};

@@ -9,8 +9,8 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use crate::cli::bench_store::speed::{options, settings};
-use crate::cli::bench_store::{Arguments, Folder, data, disk, median};
+use crate::cli::bench::store::speed::{options, settings};
+use crate::cli::bench::store::{Arguments, Folder, data, disk, median};
 use crate::error::Result;
 use crate::import::import;
 use crate::source::{BrickEntry, BrickSource};

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use rayon::prelude::*;
 
-use crate::cli::bench_store::{Folder, disk};
+use crate::cli::bench::store::{Folder, disk};
 use crate::error::Result;
 
 /// Nothing outside a ball; inside, smooth shells, with two bits of noise in the inner part and a

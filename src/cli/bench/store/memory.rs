@@ -4,7 +4,7 @@ use std::process::{Command, Stdio};
 
 use serde_json::{Value, json};
 
-use crate::cli::bench_store::{Arguments, Folder, data};
+use crate::cli::bench::store::{Arguments, Folder, data};
 use crate::error::{Error, Result};
 
 /// Peak resident memory of this process in bytes, where the system tells.

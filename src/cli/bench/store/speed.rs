@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use crate::cli::bench_store::{Arguments, Folder, data, median};
+use crate::cli::bench::store::{Arguments, Folder, data, median};
 use crate::cli::import::all_cores;
 use crate::error::Result;
 use crate::import::{Options, Settings, import};

@@ -1,0 +1,65 @@
+//! `ashfall bench sample`: what one sample costs on a device, and the error it was bought with.
+
+use clap::Args;
+
+use crate::cli::output::{print, print_json};
+use crate::cli::progress::Progress;
+use crate::cli::scene_flags::{DeviceFlags, shader_compiler};
+use crate::error::Result;
+use crate::study::sample_price::{Effort, PriceTable, measure};
+
+/// The price of one sample on this device: the loop alone, one texel, every filter and format, each
+/// with its greatest error; and the caster's own price beside the bare ones.
+#[derive(Args)]
+pub struct Arguments {
+    /// Print one JSON object instead of a table.
+    #[arg(long)]
+    json: bool,
+    /// A small run, to see that it works; its figures mean little.
+    #[arg(long)]
+    small: bool,
+    #[command(flatten)]
+    device: DeviceFlags,
+}
+
+/// Measures and prints.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let gpu = arguments.device.open()?;
+    let effort = if arguments.small { Effort::SMALL } else { Effort::FULL };
+    let progress = Progress::start("bench sample");
+    let table = measure(&gpu, &shader_compiler(), &effort, &mut |part| progress.set(part))?;
+    drop(progress);
+    if arguments.json {
+        return print_json(&table);
+    }
+    describe(&table);
+    Ok(())
+}
+
+fn describe(table: &PriceTable) {
+    print(format_args!(
+        "{} ({})\n{:.1} million samples a measurement, {} time, medians\n\n{:<28} {:>8} {:>15} {:>10} {:>10} {:>10}\n",
+        table.device,
+        table.driver,
+        table.million_samples,
+        table.clock,
+        "one sample",
+        "ns",
+        "least to most",
+        "over loop",
+        "over bare",
+        "error"
+    ));
+    for price in &table.prices {
+        let [least, most] = price.ns_min_max;
+        let over_bare = price.over_bare.map(|ratio| format!("{ratio:.2}")).unwrap_or_default();
+        let error = price.error_max.map(|error| format!("{error:.1e}")).unwrap_or_default();
+        print(format_args!(
+            "{:<28} {:>8.2} {:>15} {:>10.2} {over_bare:>10} {error:>10}\n",
+            price.what,
+            price.ns,
+            format!("{least:.2} to {most:.2}"),
+            price.over_loop
+        ));
+    }
+}

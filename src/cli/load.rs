@@ -1,0 +1,80 @@
+//! From a scene file to a scene with its voxels.
+
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::import;
+use crate::render::SceneData;
+use crate::scene::{Overrides, Scene, Source, Volume};
+use crate::source::computed;
+use crate::volume::{VolumeVoxels, WorldFromVoxel};
+
+/// Reads the scene and all voxels that it shows into memory.
+///
+/// # Errors
+/// Exit code 3 for an unusable scene or file, 2 for a flag, each at its place.
+pub fn load_scene(path: &Path, overrides: &Overrides) -> Result<SceneData> {
+    let scene = Scene::load(path, overrides)?;
+    SceneData::check_drawable(&scene)?;
+    load_voxels(scene)
+}
+
+/// As [`load_scene`], for what the reference alone can draw: several volumes.
+pub fn load_scene_for_reference(
+    path: &Path,
+    overrides: &Overrides,
+) -> Result<(Scene, Vec<VolumeVoxels>)> {
+    let scene = Scene::load(path, overrides)?;
+    let volumes = scene.volumes.iter().map(|volume| load_volume(volume, &scene));
+    let volumes = volumes.collect::<Result<_>>()?;
+    Ok((scene, volumes))
+}
+
+fn load_voxels(scene: Scene) -> Result<SceneData> {
+    let volumes = scene.volumes.iter().map(|volume| load_volume(volume, &scene));
+    let volumes = volumes.collect::<Result<_>>()?;
+    SceneData::new(scene, volumes)
+}
+
+fn load_volume(volume: &Volume, scene: &Scene) -> Result<VolumeVoxels> {
+    let bytes_max = scene.memory.ram_mib << 20;
+    let at_place = |why: Error| why.at(format!("{}: volume \"{}\"", volume.place, volume.name));
+    match &volume.source {
+        Source::File { path, raw } => {
+            let options = import::Options { raw: *raw, ..import::Options::default() };
+            let mut input = import::open(path, &options).map_err(at_place)?;
+            let indices: Vec<u32> = volume.channels.iter().map(|channel| channel.index).collect();
+            let in_file = input.header().channels;
+            if let Some(beyond) = indices.iter().find(|index| **index >= in_file) {
+                return Err(at_place(Error::input(format!(
+                    "channel index {beyond} is not in the file, which has {in_file} channel(s), counted from 0"
+                ))));
+            }
+            let mut voxels =
+                import::read_whole(&mut *input, &indices, bytes_max).map_err(at_place)?;
+            if let Some(world_from_voxel) = volume.world_from_voxel {
+                voxels.world_from_voxel = world_from_voxel;
+            }
+            Ok(voxels)
+        }
+        Source::Computed { kind, size } => {
+            let field = computed(kind, *size).map_err(at_place)?;
+            let bytes = size.voxel_count() * field.format().bytes() as u128;
+            if bytes > u128::from(bytes_max) {
+                return Err(at_place(Error::input(format!(
+                    "{size} voxels take {} MiB of memory, but ram_mib is {}: lower size or raise --ram-mib (paging is not built yet)",
+                    bytes.div_ceil(1 << 20),
+                    scene.memory.ram_mib
+                ))));
+            }
+            if let Some(channel) = volume.channels.iter().find(|channel| channel.index > 0) {
+                return Err(at_place(Error::input(format!(
+                    "channel index {} is not there: a computed source has one channel, index 0",
+                    channel.index
+                ))));
+            }
+            let unit = WorldFromVoxel::from_spacing([1.0; 3]).map_err(at_place)?;
+            field.whole(volume.world_from_voxel.unwrap_or(unit)).map_err(at_place)
+        }
+    }
+}

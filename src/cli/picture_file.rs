@@ -1,0 +1,144 @@
+//! Pictures in files: PNG for looking, EXR for measuring.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use exr::prelude::{
+    Encoding, Image, ReadChannels, ReadLayers, SpecificChannels, Vec2, WritableImage,
+};
+
+use crate::error::{Error, Result};
+use crate::render::Picture;
+
+/// Writes a picture under a temporary name and renames it when whole; `.png` or `.exr` by the name.
+///
+/// # Errors
+/// Exit code 2 for another ending, 4 when it cannot be written.
+pub fn write_picture(path: &Path, picture: &Picture) -> Result<()> {
+    let failed = |why: String| {
+        Error::machine(format!(
+            "{}: cannot be written: {why}; check folder and disk",
+            path.display()
+        ))
+    };
+    let bytes = match kind_of(path)? {
+        Kind::Png => png_bytes(picture).map_err(failed)?,
+        Kind::Exr => exr_bytes(picture).map_err(failed)?,
+    };
+    let partial = partial_name(path);
+    let written = File::create(&partial).and_then(|file| {
+        let mut file = BufWriter::new(file);
+        file.write_all(&bytes)?;
+        file.into_inner()?.sync_all()?;
+        std::fs::rename(&partial, path)
+    });
+    written.map_err(|why| {
+        let _ = std::fs::remove_file(&partial);
+        failed(why.to_string())
+    })
+}
+
+/// Refuses an output name that [`write_picture`] would refuse, before any work is done.
+///
+/// # Errors
+/// Exit code 2 for an unknown ending, 4 when the folder is not there.
+pub fn check_output(path: &Path) -> Result<()> {
+    kind_of(path)?;
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    match folder {
+        Some(folder) if !folder.is_dir() => Err(Error::machine(format!(
+            "{}: folder {} is not there: make it first",
+            path.display(),
+            folder.display()
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Reads the first RGBA layer of an EXR file as linear f32.
+///
+/// # Errors
+/// Exit code 3 when it cannot be read.
+pub fn read_exr(path: &Path) -> Result<Picture> {
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .rgba_channels(
+            |size, _| Picture {
+                size: [size.width() as u32, size.height() as u32],
+                pixels: vec![[0.0; 4]; size.width() * size.height()],
+            },
+            |picture: &mut Picture, Vec2(x, y), (r, g, b, a): (f32, f32, f32, f32)| {
+                picture.pixels[y * picture.size[0] as usize + x] = [r, g, b, a];
+            },
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .from_file(path)
+        .map_err(|why| {
+            Error::input(format!(
+                "{}: cannot be read as an EXR picture with channels R, G, B and A: {why}",
+                path.display()
+            ))
+        })?;
+    Ok(image.layer_data.channel_data.pixels)
+}
+
+enum Kind {
+    Png,
+    Exr,
+}
+
+fn kind_of(path: &Path) -> Result<Kind> {
+    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or("");
+    match ending.to_ascii_lowercase().as_str() {
+        "png" => Ok(Kind::Png),
+        "exr" => Ok(Kind::Exr),
+        _ => Err(Error::arguments(format!(
+            "{}: a picture's name ends in .png (to look at) or .exr (to measure)",
+            path.display()
+        ))),
+    }
+}
+
+fn partial_name(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(format!(".partial-{}", std::process::id()));
+    path.with_file_name(name)
+}
+
+/// 8 bit sRGB of the picture over its background; the nearest code, no dither.
+fn png_bytes(picture: &Picture) -> std::result::Result<Vec<u8>, String> {
+    let bytes: Vec<u8> =
+        picture.pixels.iter().flat_map(|[r, g, b, _]| [*r, *g, *b].map(srgb_byte)).collect();
+    let mut out = Vec::new();
+    let mut encoder = png::Encoder::new(&mut out, picture.size[0], picture.size[1]);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    let mut writer = encoder.write_header().map_err(|why| why.to_string())?;
+    writer.write_image_data(&bytes).map_err(|why| why.to_string())?;
+    writer.finish().map_err(|why| why.to_string())?;
+    Ok(out)
+}
+
+/// IEC 61966-2-1.
+fn srgb_byte(linear: f32) -> u8 {
+    let linear = f64::from(linear).clamp(0.0, 1.0);
+    let encoded =
+        if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+    (encoded * 255.0).round() as u8
+}
+
+fn exr_bytes(picture: &Picture) -> std::result::Result<Vec<u8>, String> {
+    let [width, height] = picture.size.map(|edge| edge as usize);
+    let channels = SpecificChannels::rgba(|Vec2(x, y)| {
+        let [r, g, b, a] = picture.pixels[y * width + x];
+        (r, g, b, a)
+    });
+    let image = Image::from_encoded_channels((width, height), Encoding::FAST_LOSSLESS, channels);
+    let mut out = std::io::Cursor::new(Vec::new());
+    image.write().to_buffered(&mut out).map_err(|why| why.to_string())?;
+    Ok(out.into_inner())
+}

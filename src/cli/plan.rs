@@ -1,0 +1,37 @@
+//! `ashfall plan`: what a scene needs on a device, before anything is made.
+
+use clap::Args;
+
+use crate::cli::load::load_scene;
+use crate::cli::output::{print, print_json};
+use crate::cli::scene_flags::{DeviceFlags, SceneFlags, WorkFlags, shader_compiler};
+use crate::error::Result;
+use crate::render::Plan;
+
+/// Say what a scene needs on a device: every object, pass, shader variant and byte, and what is left
+/// out and why. Makes no picture.
+#[derive(Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    scene: SceneFlags,
+    /// Print one JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    device: DeviceFlags,
+    #[command(flatten)]
+    work: WorkFlags,
+}
+
+/// Prints the plan.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let settings = arguments.work.settings()?;
+    let data = load_scene(&arguments.scene.scene, &arguments.scene.overrides())?;
+    let gpu = arguments.device.open()?;
+    let plan = Plan::new(&gpu, &shader_compiler(), &data, &settings)?;
+    if arguments.json {
+        return print_json(&plan);
+    }
+    print(&plan);
+    Ok(())
+}

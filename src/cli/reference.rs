@@ -1,0 +1,75 @@
+//! `ashfall reference`: the truth, in f64 on the CPU.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::cli::load::load_scene_for_reference;
+use crate::cli::output::print;
+use crate::cli::picture_file::{check_output, write_picture};
+use crate::cli::progress::Progress;
+use crate::cli::render::{file_of_view, keep_views};
+use crate::cli::scene_flags::SceneFlags;
+use crate::error::{Error, Result};
+use crate::reference::{Settings, render};
+use crate::render::Picture;
+
+/// Integrate a scene in f64 on the CPU, to a stated tolerance: the truth that pictures are measured
+/// against.
+///
+/// Step, filter, integrator, early stop and levels have no effect: the integral has none of them.
+#[derive(Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    scene: SceneFlags,
+    /// Picture file, .exr or .png; with several views the view's name is put before the ending.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Draw this view; may be given several times. Default: all of them.
+    #[arg(long, value_name = "NAME")]
+    view: Vec<String>,
+    /// Greatest absolute error of a pixel.
+    #[arg(long, default_value_t = 1e-9)]
+    error_max: f64,
+    /// Threads; default: all cores.
+    #[arg(long)]
+    jobs: Option<usize>,
+}
+
+/// Integrates and writes.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    if !(arguments.error_max > 0.0 && arguments.error_max < 1.0) {
+        return Err(Error::arguments(format!(
+            "--error-max: must be above 0 and below 1, got {}",
+            arguments.error_max
+        )));
+    }
+    check_output(&arguments.output)?;
+    let (mut scene, voxels) =
+        load_scene_for_reference(&arguments.scene.scene, &arguments.scene.overrides())?;
+    keep_views(&mut scene.views, &arguments.view)?;
+    let volumes: Vec<_> = scene.volumes.iter().zip(&voxels).collect();
+    let mut settings = Settings { tolerance: arguments.error_max, ..Settings::default() };
+    if let Some(jobs) = arguments.jobs {
+        settings.threads = jobs.max(1);
+    }
+    for view in &scene.views {
+        let start = std::time::Instant::now();
+        let progress = Progress::start(&view.name);
+        let size = scene.picture.size;
+        let background = scene.picture.background;
+        let truth = render(view, size, background, &volumes, &settings, &|part| progress.set(part));
+        drop(progress);
+        let pixels = truth.rgba.iter().map(|pixel| pixel.map(|part| part as f32)).collect();
+        let file = file_of_view(&arguments.output, &view.name, scene.views.len());
+        write_picture(&file, &Picture { size: truth.size, pixels })?;
+        print(format_args!(
+            "{}: {} in {:.1} s, error at most {:e}\n",
+            view.name,
+            file.display(),
+            start.elapsed().as_secs_f64(),
+            arguments.error_max
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,154 @@
+//! `ashfall render`: a scene becomes pictures.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
+
+use crate::cli::load::load_scene;
+use crate::cli::output::{print, print_json, write_json};
+use crate::cli::picture_file::{check_output, write_picture};
+use crate::cli::progress::Progress;
+use crate::cli::scene_flags::{DeviceFlags, SceneFlags, WorkFlags, shader_compiler};
+use crate::error::{Error, Exit, Result};
+use crate::render::{Plan, Renderer, Statistics};
+
+/// Draw a scene's views into picture files.
+///
+/// One file per view: with several views the view's name is put before the ending. PNG is 8 bit sRGB,
+/// EXR holds R, G, B, A as linear f32, premultiplied.
+#[derive(Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    scene: SceneFlags,
+    /// Picture file, .png or .exr; may be given several times. Default: the scene's name with .png.
+    #[arg(short, long, value_name = "FILE")]
+    output: Vec<PathBuf>,
+    /// Draw this view; may be given several times. Default: all of them.
+    #[arg(long, value_name = "NAME")]
+    view: Vec<String>,
+    /// Write statistics as JSON: times, samples, memory, device.
+    #[arg(long, value_name = "FILE")]
+    stats: Option<PathBuf>,
+    /// Print one JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    device: DeviceFlags,
+    #[command(flatten)]
+    work: WorkFlags,
+}
+
+#[derive(Serialize)]
+struct ViewResult {
+    view: String,
+    files: Vec<PathBuf>,
+    #[serde(flatten)]
+    statistics: Statistics,
+}
+
+#[derive(Serialize)]
+struct Results {
+    views: Vec<ViewResult>,
+}
+
+/// Draws, writes and reports.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let settings = arguments.work.settings()?;
+    let outputs = outputs(arguments);
+    outputs.iter().try_for_each(|output| check_output(output))?;
+    let mut data = load_scene(&arguments.scene.scene, &arguments.scene.overrides())?;
+    keep_views(&mut data.scene.views, &arguments.view)?;
+    let gpu = arguments.device.open()?;
+    let plan = Plan::new(&gpu, &shader_compiler(), &data, &settings)?;
+    let mut renderer = Renderer::new(&gpu, plan, &data)?;
+    let mut results = Results { views: Vec::new() };
+    let names: Vec<String> = data.scene.views.iter().map(|view| view.name.clone()).collect();
+    for (index, name) in names.iter().enumerate() {
+        let progress = Progress::start(name);
+        let (picture, statistics) = renderer.draw(index, &mut |part| progress.set(part))?;
+        drop(progress);
+        let of_view = |output: &PathBuf| file_of_view(output, name, names.len());
+        let files: Vec<PathBuf> = outputs.iter().map(of_view).collect();
+        files.iter().try_for_each(|file| write_picture(file, &picture))?;
+        if !arguments.json {
+            report(name, &files, &statistics);
+        }
+        results.views.push(ViewResult { view: name.clone(), files, statistics });
+    }
+    if let Some(stats) = &arguments.stats {
+        write_stats(stats, &results)?;
+    }
+    if arguments.json {
+        print_json(&results)?;
+    }
+    match gpu.messages().first() {
+        Some(first) => Err(Error {
+            exit: Exit::Bug,
+            message: format!(
+                "validation had {} message(s), the first: {}",
+                gpu.messages().len(),
+                first.text
+            ),
+        }),
+        None => Ok(()),
+    }
+}
+
+/// Statistics of one view stand alone; of several, in a list.
+fn write_stats(path: &Path, results: &Results) -> Result<()> {
+    match &results.views[..] {
+        [only] => write_json(path, only),
+        _ => write_json(path, results),
+    }
+}
+
+fn report(name: &str, files: &[PathBuf], statistics: &Statistics) {
+    let files: Vec<_> = files.iter().map(|file| file.display().to_string()).collect();
+    let passes: Vec<_> =
+        statistics.gpu_ms.iter().map(|time| format!("{} {:.1}", time.pass, time.ms)).collect();
+    print(format_args!(
+        "{name}: {} in {:.0} ms (device ms: {}), {:.1} million samples, {:.0} MiB on {}\n",
+        files.join(", "),
+        statistics.wall_ms,
+        passes.join(", "),
+        statistics.samples as f64 * 1e-6,
+        statistics.device_bytes as f64 / f64::from(1 << 20),
+        statistics.device,
+    ));
+}
+
+fn outputs(arguments: &Arguments) -> Vec<PathBuf> {
+    if !arguments.output.is_empty() {
+        return arguments.output.clone();
+    }
+    let stem = arguments.scene.scene.file_stem().unwrap_or_default();
+    vec![Path::new(stem).with_extension("png")]
+}
+
+/// Keeps the views asked for, in the scene's order.
+pub fn keep_views(views: &mut Vec<crate::scene::View>, wanted: &[String]) -> Result<()> {
+    if wanted.is_empty() {
+        return Ok(());
+    }
+    if let Some(unknown) = wanted.iter().find(|name| !views.iter().any(|view| view.name == **name))
+    {
+        let names: Vec<_> = views.iter().map(|view| format!("\"{}\"", view.name)).collect();
+        return Err(Error::arguments(format!(
+            "--view: \"{unknown}\" is not in the scene, which has {}",
+            names.join(", ")
+        )));
+    }
+    views.retain(|view| wanted.contains(&view.name));
+    Ok(())
+}
+
+/// `out.png` for one view, `out-NAME.png` for several.
+pub fn file_of_view(output: &Path, view: &str, views: usize) -> PathBuf {
+    if views == 1 {
+        return output.to_owned();
+    }
+    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
+    let ending = output.extension().unwrap_or_default().to_string_lossy();
+    output.with_file_name(format!("{stem}-{view}.{ending}"))
+}

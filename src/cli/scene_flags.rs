@@ -1,0 +1,151 @@
+//! Flags that several commands share: a scene, what wins over it, and the device.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use clap::Args;
+
+use crate::error::Result;
+use crate::gpu::{DeviceRequest, Gpu, Instance, ShaderCompiler, Validation};
+use crate::passes::SOURCES;
+use crate::render::{Layout, LayoutChoice, Settings};
+use crate::scene::Overrides;
+
+/// A scene and what wins over it.
+#[derive(Args)]
+pub struct SceneFlags {
+    /// Scene file (TOML).
+    pub scene: PathBuf,
+    /// Picture size in pixels, across x down.
+    #[arg(long, value_name = "WxH", value_parser = pixels, help_heading = "Over the scene")]
+    size: Option<[u32; 2]>,
+    /// Linear colour behind everything: R,G,B.
+    #[arg(long, value_name = "R,G,B", value_parser = color, allow_hyphen_values = true, help_heading = "Over the scene")]
+    background: Option<[f64; 3]>,
+    /// Quadrature along a ray: riemann.
+    #[arg(long, help_heading = "Over the scene")]
+    integrator: Option<String>,
+    /// Sample distance, in smallest voxel edges. Halving it gains about 12 dB and doubles the time.
+    #[arg(long, allow_hyphen_values = true, help_heading = "Over the scene")]
+    step: Option<f64>,
+    /// Greatest error of a pixel, for the integrator "adaptive".
+    #[arg(long, allow_hyphen_values = true, help_heading = "Over the scene")]
+    tolerance: Option<f64>,
+    /// Values between voxels: exact (1e-6 of the value range) or hardware (whatever the sampler gives).
+    #[arg(long, help_heading = "Over the scene")]
+    filter: Option<String>,
+    /// At a missing brick: exact (wait) or substitute (take the best resident level).
+    #[arg(long, help_heading = "Over the scene")]
+    refine: Option<String>,
+    /// Coarsest level allowed; 0 is the finest.
+    #[arg(long, allow_hyphen_values = true, help_heading = "Over the scene")]
+    level_max: Option<i64>,
+    /// A ray ends when less than this is transmitted; 0: never. Costs at most this times the brightest colour.
+    #[arg(long, allow_hyphen_values = true, help_heading = "Over the scene")]
+    early_stop: Option<f64>,
+    /// Hard limit on device memory for voxels, MiB.
+    #[arg(long, allow_hyphen_values = true, help_heading = "Over the scene")]
+    atlas_mib: Option<i64>,
+    /// Limit on host memory for voxels, MiB.
+    #[arg(long, allow_hyphen_values = true, help_heading = "Over the scene")]
+    ram_mib: Option<i64>,
+    /// Upload memory, both halves together, MiB.
+    #[arg(long, allow_hyphen_values = true, help_heading = "Over the scene")]
+    staging_mib: Option<i64>,
+}
+
+impl SceneFlags {
+    /// The flags as the scene takes them.
+    pub fn overrides(&self) -> Overrides {
+        Overrides {
+            size: self.size,
+            background: self.background,
+            integrator: self.integrator.clone(),
+            step: self.step,
+            tolerance: self.tolerance,
+            filter: self.filter.clone(),
+            refine: self.refine.clone(),
+            level_max: self.level_max,
+            early_stop: self.early_stop,
+            atlas_mib: self.atlas_mib,
+            ram_mib: self.ram_mib,
+            staging_mib: self.staging_mib,
+        }
+    }
+}
+
+/// The device and how it is used.
+#[derive(Args)]
+pub struct DeviceFlags {
+    /// Index in `ashfall devices`, or part of the name; default: the most capable one.
+    #[arg(long, env = "ASHFALL_DEVICE", help_heading = "Device")]
+    device: Option<String>,
+    /// Let the validation layers watch, synchronization included; any message ends with exit code 1.
+    #[arg(long, help_heading = "Device")]
+    pub validate: bool,
+}
+
+impl DeviceFlags {
+    /// Opens the device.
+    pub fn open(&self) -> Result<Arc<Gpu>> {
+        let validation = if self.validate { Validation::On } else { Validation::Off };
+        let request = DeviceRequest { choice: self.device.clone() };
+        Gpu::open(&Instance::new(validation)?, &request)
+    }
+}
+
+/// What never changes a finished picture.
+#[derive(Args)]
+pub struct WorkFlags {
+    /// Largest tile in pixels; a view is drawn tile by tile.
+    #[arg(long, value_name = "WxH", value_parser = pixels, default_value = "512x512", help_heading = "Work")]
+    tile: [u32; 2],
+    /// Samples of one ray in one dispatch, at most 32768.
+    #[arg(long, default_value_t = 4096, help_heading = "Work")]
+    steps_per_dispatch: u32,
+    /// How voxels lie on the device: plain, quads (4 x the memory; fast where the CPU samples), auto.
+    #[arg(long, default_value = "auto", value_parser = layout, help_heading = "Work")]
+    layout: LayoutChoice,
+}
+
+impl WorkFlags {
+    /// The settings, checked.
+    pub fn settings(&self) -> Result<Settings> {
+        let settings = Settings {
+            tile: self.tile,
+            steps_per_dispatch: self.steps_per_dispatch,
+            layout: self.layout,
+        };
+        settings.checked()
+    }
+}
+
+/// The compiler for our shaders, with the user's cache.
+pub fn shader_compiler() -> ShaderCompiler {
+    ShaderCompiler::new(SOURCES, ShaderCompiler::user_cache())
+}
+
+fn pixels(text: &str) -> std::result::Result<[u32; 2], String> {
+    let parts: Vec<_> = text.split('x').map(str::parse).collect();
+    match parts[..] {
+        [Ok(width), Ok(height)] => Ok([width, height]),
+        _ => Err("expected two whole numbers as 512x512".to_owned()),
+    }
+}
+
+fn color(text: &str) -> std::result::Result<[f64; 3], String> {
+    let parts: Vec<_> = text.split(',').map(|part| part.trim().parse()).collect();
+    match parts[..] {
+        [Ok(r), Ok(g), Ok(b)] => Ok([r, g, b]),
+        _ => Err("expected three numbers as 0.2,0.2,0.2".to_owned()),
+    }
+}
+
+fn layout(text: &str) -> std::result::Result<LayoutChoice, String> {
+    match text {
+        "auto" => Ok(LayoutChoice::Auto),
+        "plain" => Ok(LayoutChoice::Only(Layout::Plain)),
+        "quads" => Ok(LayoutChoice::Only(Layout::Quads)),
+        _ => Err("expected auto, plain or quads".to_owned()),
+    }
+}

@@ -1,0 +1,542 @@
+//! The device: chosen, checked, opened; its roles, its memory, and the end of everything on it.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use ash::vk;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+
+use crate::error::{Error, Result};
+use crate::gpu::access::ResourceId;
+use crate::gpu::census::{Census, ObjectKind};
+use crate::gpu::features::Features;
+use crate::gpu::instance::{Instance, Message, c_string, name_of, vulkan_failed};
+use crate::gpu::memory::{Ledger, MemoryHome};
+use crate::gpu::misuse::misuse;
+use crate::gpu::retirement::{Orphan, Retired, Uses};
+use crate::gpu::roles::{Role, RoleKind, TimePoint};
+
+/// Which device is wanted.
+#[derive(Clone, Debug, Default)]
+pub struct DeviceRequest {
+    /// Its index in `ashfall devices`, or part of its name; nothing: the most capable.
+    pub choice: Option<String>,
+}
+
+/// One queue family, as far as roles care.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct QueueFacts {
+    /// Index of the family.
+    pub family: u32,
+    /// Queues in it.
+    pub count: u32,
+    /// Whether it runs compute shaders.
+    pub compute: bool,
+    /// Whether it draws.
+    pub graphics: bool,
+    /// Whether it copies (every compute family does).
+    pub transfer: bool,
+    /// Valid bits of its timestamps; 0: it has none.
+    pub timestamp_bits: u32,
+    /// Texels per axis that an image copy must be a multiple of; zeros: whole images only.
+    pub copy_granularity: [u32; 3],
+}
+
+/// What a device is and can do, as plain data.
+#[derive(Clone, Debug)]
+pub struct DeviceFacts {
+    /// Index in the order of the loader.
+    pub index: usize,
+    /// The device's name.
+    pub name: String,
+    /// Driver name and version, in the driver's words.
+    pub driver: String,
+    /// "discrete", "integrated", "virtual", "cpu" or "other".
+    pub kind: &'static str,
+    /// Vulkan version: major, minor, patch.
+    pub version: [u32; 3],
+    /// What it lacks of what we need; empty: usable.
+    pub missing: Vec<String>,
+    /// Its queue families.
+    pub queues: Vec<QueueFacts>,
+    /// Edge of the largest 3D image, in texels.
+    pub image_3d_edge_max: u32,
+    /// Bytes of the largest storage buffer binding.
+    pub storage_bytes_max: u64,
+    /// Bytes of its largest device-local heap.
+    pub heap_bytes: u64,
+    /// Nanoseconds of one timestamp tick.
+    pub timestamp_period_ns: f32,
+}
+
+/// An open device. Cheap to clone; everything made of it keeps it alive.
+pub struct Gpu {
+    pub(crate) instance: Arc<Instance>,
+    pub(crate) device: ash::Device,
+    facts: DeviceFacts,
+    /// What was created on it.
+    pub census: Census,
+    /// Bytes of device memory by purpose.
+    pub ledger: Ledger,
+    queues: [(u32, u32); RoleKind::COUNT],
+    roles: [OnceLock<Role>; RoleKind::COUNT],
+    /// Taken while a queue is submitted to: two roles may share one.
+    pub(crate) submitting: Mutex<()>,
+    allocator: Mutex<Option<gpu_allocator::vulkan::Allocator>>,
+    retired: Mutex<Vec<Retired>>,
+    next_resource: AtomicU64,
+}
+
+impl Gpu {
+    /// Every device of this machine, usable or not.
+    ///
+    /// # Errors
+    /// Exit code 4 when the loader cannot list devices.
+    pub fn list(instance: &Instance) -> Result<Vec<DeviceFacts>> {
+        Ok(enumerate(instance)?.into_iter().map(|(_, facts)| facts).collect())
+    }
+
+    /// Opens the device asked for.
+    ///
+    /// # Errors
+    /// Exit code 4 when there is none, or it lacks a feature, which is named.
+    pub fn open(instance: &Arc<Instance>, request: &DeviceRequest) -> Result<Arc<Gpu>> {
+        let devices = enumerate(instance)?;
+        let (physical, facts) = choose(devices, request)?;
+        if !facts.missing.is_empty() {
+            return Err(Error::machine(format!(
+                "device \"{}\" lacks {}: choose another with --device (see `ashfall devices`)",
+                facts.name,
+                facts.missing.join(", ")
+            )));
+        }
+        let queues = assign_roles(&facts.queues).ok_or_else(|| {
+            Error::machine(format!(
+                "device \"{}\" has no queue that runs compute shaders",
+                facts.name
+            ))
+        })?;
+        let device = open_device(instance, physical, &queues)?;
+        let allocator =
+            gpu_allocator::vulkan::Allocator::new(&gpu_allocator::vulkan::AllocatorCreateDesc {
+                instance: instance.raw.clone(),
+                device: device.clone(),
+                physical_device: physical,
+                debug_settings: Default::default(),
+                buffer_device_address: false,
+                allocation_sizes: Default::default(),
+            });
+        let allocator = allocator.map_err(|why| {
+            // SAFETY: nothing was made of the device yet.
+            unsafe { device.destroy_device(None) };
+            Error::machine(format!("the device's memory cannot be managed: {why}"))
+        })?;
+        Ok(Arc::new(Gpu {
+            instance: instance.clone(),
+            device,
+            facts,
+            census: Census::default(),
+            ledger: Ledger::default(),
+            queues,
+            roles: [const { OnceLock::new() }; RoleKind::COUNT],
+            submitting: Mutex::new(()),
+            allocator: Mutex::new(Some(allocator)),
+            retired: Mutex::default(),
+            next_resource: AtomicU64::new(1),
+        }))
+    }
+
+    /// What this device is.
+    pub fn facts(&self) -> &DeviceFacts {
+        &self.facts
+    }
+
+    /// What validation has said so far.
+    pub fn messages(&self) -> Vec<Message> {
+        self.instance.messages()
+    }
+
+    /// Queue family and index of a role.
+    pub fn queue_of(&self, role: RoleKind) -> (u32, u32) {
+        self.queues[role.index()]
+    }
+
+    /// Whether the roles share one queue.
+    pub fn roles_share_queue(&self) -> bool {
+        self.queues[0] == self.queues[1]
+    }
+
+    /// Families that touch resources used by both roles.
+    pub(crate) fn families(&self) -> Vec<u32> {
+        let mut families = vec![self.queues[0].0, self.queues[1].0];
+        families.dedup();
+        families
+    }
+
+    /// Whether a role's queue has timestamps.
+    pub fn has_timestamps(&self, role: RoleKind) -> bool {
+        let family = self.queues[role.index()].0;
+        self.facts.queues.iter().any(|q| q.family == family && q.timestamp_bits > 0)
+    }
+
+    pub(crate) fn role(&self, kind: RoleKind) -> Result<&Role> {
+        let slot = &self.roles[kind.index()];
+        if let Some(role) = slot.get() {
+            return Ok(role);
+        }
+        let (family, index) = self.queues[kind.index()];
+        // SAFETY: the device was created with this queue.
+        let queue = unsafe { self.device.get_device_queue(family, index) };
+        let timestamps = self.has_timestamps(kind);
+        let role = Role::new(&self.device, &self.census, kind, family, queue, timestamps)?;
+        if let Err(second) = slot.set(role) {
+            // SAFETY: another thread was first; this one was used for nothing.
+            unsafe { second.destroy(&self.device) };
+        }
+        slot.get().map_or_else(|| misuse("a role vanished"), Ok)
+    }
+
+    /// Blocks until a time point is reached.
+    ///
+    /// # Errors
+    /// Exit code 4 when the device is lost.
+    pub fn wait(&self, point: TimePoint) -> Result<()> {
+        if point.value == 0 {
+            return Ok(());
+        }
+        self.role(point.role)?.wait(&self.device, point.value)
+    }
+
+    /// Whether a time point was reached.
+    pub fn is_reached(&self, point: TimePoint) -> bool {
+        self.reached()[point.role.index()] >= point.value
+    }
+
+    fn reached(&self) -> Uses {
+        std::array::from_fn(|index| {
+            self.roles[index].get().map_or(0, |role| role.reached(&self.device))
+        })
+    }
+
+    /// Blocks until all of `uses` are reached.
+    pub(crate) fn wait_uses(&self, uses: Uses) -> Result<()> {
+        self.wait(TimePoint { role: RoleKind::Render, value: uses[RoleKind::Render.index()] })?;
+        self.wait(TimePoint { role: RoleKind::Transfer, value: uses[RoleKind::Transfer.index()] })
+    }
+
+    pub(crate) fn new_resource(&self) -> ResourceId {
+        self.next_resource.fetch_add(1, Ordering::Relaxed)
+    }
+
+    pub(crate) fn forget_resource(&self, id: ResourceId) {
+        for role in self.roles.iter().filter_map(OnceLock::get) {
+            role.tracker.lock().unwrap_or_else(PoisonError::into_inner).forget(id);
+        }
+    }
+
+    /// Memory of exactly `requirements.size` bytes for one buffer or image.
+    pub(crate) fn allocate(
+        &self,
+        purpose: &str,
+        requirements: vk::MemoryRequirements,
+        home: MemoryHome,
+        scheme: AllocationScheme,
+    ) -> Result<Allocation> {
+        let linear = matches!(scheme, AllocationScheme::DedicatedBuffer(_));
+        let description = AllocationCreateDesc {
+            name: purpose,
+            requirements,
+            location: home.location(),
+            linear,
+            allocation_scheme: scheme,
+        };
+        let mut allocator = self.allocator.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(allocator) = allocator.as_mut() else { misuse("allocation after the end") };
+        let allocation = allocator.allocate(&description).map_err(|why| {
+            Error::machine(format!(
+                "the device has no {} bytes left for {purpose} ({why}): lower --atlas-mib or --size",
+                requirements.size
+            ))
+        })?;
+        self.census.created(ObjectKind::DeviceMemory);
+        self.ledger.add(purpose, allocation.size());
+        Ok(allocation)
+    }
+
+    /// Gives up orphans once `uses` are reached; now, where they are.
+    pub(crate) fn retire(&self, uses: Uses, orphans: Vec<Orphan>) {
+        let mut retired = self.retired.lock().unwrap_or_else(PoisonError::into_inner);
+        retired.push(Retired { uses, orphans });
+        drop(retired);
+        self.collect_retired();
+    }
+
+    /// Destroys whatever is retired and no longer used.
+    pub(crate) fn collect_retired(&self) {
+        let reached = self.reached();
+        let mut retired = self.retired.lock().unwrap_or_else(PoisonError::into_inner);
+        let (done, waiting): (Vec<_>, Vec<_>) = std::mem::take(&mut *retired)
+            .into_iter()
+            .partition(|entry| entry.uses.iter().zip(reached).all(|(use_, now)| *use_ <= now));
+        *retired = waiting;
+        drop(retired);
+        for orphan in done.into_iter().flat_map(|entry| entry.orphans) {
+            self.destroy(orphan);
+        }
+    }
+
+    fn destroy(&self, orphan: Orphan) {
+        let device = &self.device;
+        // SAFETY: orphans have no owner left and their last time points were reached.
+        unsafe {
+            match orphan {
+                Orphan::Buffer(handle) => device.destroy_buffer(handle, None),
+                Orphan::Image(handle) => device.destroy_image(handle, None),
+                Orphan::ImageView(handle) => device.destroy_image_view(handle, None),
+                Orphan::Sampler(handle) => device.destroy_sampler(handle, None),
+                Orphan::Pipeline(handle) => device.destroy_pipeline(handle, None),
+                Orphan::PipelineLayout(handle) => device.destroy_pipeline_layout(handle, None),
+                Orphan::DescriptorSetLayout(handle) => {
+                    device.destroy_descriptor_set_layout(handle, None);
+                }
+                Orphan::DescriptorPool(handle) => device.destroy_descriptor_pool(handle, None),
+                Orphan::QueryPool(handle) => device.destroy_query_pool(handle, None),
+                Orphan::Memory { purpose, allocation } => {
+                    self.ledger.remove(&purpose, allocation.size());
+                    let mut allocator =
+                        self.allocator.lock().unwrap_or_else(PoisonError::into_inner);
+                    if let Some(allocator) = allocator.as_mut() {
+                        // Freeing a block that we own fails only if the allocator's books are wrong.
+                        let _ = allocator.free(allocation);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Names an object for debuggers and validation messages.
+    pub(crate) fn name_object<T: vk::Handle>(&self, handle: T, name: &str) {
+        if let Some(debug_utils) = &self.instance.debug_utils {
+            let name = c_string(name);
+            let info = vk::DebugUtilsObjectNameInfoEXT::builder()
+                .object_type(T::TYPE)
+                .object_handle(handle.as_raw())
+                .object_name(&name);
+            // SAFETY: the handle belongs to this living device. A failure costs only the name.
+            let _ = unsafe { debug_utils.set_debug_utils_object_name(self.device.handle(), &info) };
+        }
+    }
+}
+
+impl Drop for Gpu {
+    fn drop(&mut self) {
+        for role in self.roles.iter().filter_map(OnceLock::get) {
+            // A lost device cannot be waited for; there is nothing left to protect then.
+            let _ = role.wait(&self.device, role.submitted.load(Ordering::Acquire));
+        }
+        let retired = self.retired.get_mut().unwrap_or_else(PoisonError::into_inner);
+        for orphan in std::mem::take(retired).into_iter().flat_map(|entry| entry.orphans) {
+            self.destroy(orphan);
+        }
+        // The allocator frees its blocks through the device, so it goes first.
+        self.allocator.get_mut().unwrap_or_else(PoisonError::into_inner).take();
+        // SAFETY: all submits have ended and every object made of the device is gone.
+        unsafe {
+            for role in self.roles.iter().filter_map(OnceLock::get) {
+                role.destroy(&self.device);
+            }
+            self.device.destroy_device(None);
+        }
+    }
+}
+
+fn enumerate(instance: &Instance) -> Result<Vec<(vk::PhysicalDevice, DeviceFacts)>> {
+    // SAFETY: the instance is alive.
+    let devices = unsafe { instance.raw.enumerate_physical_devices() }
+        .map_err(|why| vulkan_failed("listing Vulkan devices", why))?;
+    Ok(devices
+        .into_iter()
+        .enumerate()
+        .map(|(index, device)| (device, facts_of(instance, index, device)))
+        .collect())
+}
+
+fn facts_of(instance: &Instance, index: usize, device: vk::PhysicalDevice) -> DeviceFacts {
+    let mut driver = vk::PhysicalDeviceDriverProperties::default();
+    let mut properties = vk::PhysicalDeviceProperties2::builder().push_next(&mut driver).build();
+    // SAFETY: the handle was enumerated from this living instance; the chain outlives the call.
+    let (queues, memory) = unsafe {
+        instance.raw.get_physical_device_properties2(device, &mut properties);
+        (
+            instance.raw.get_physical_device_queue_family_properties(device),
+            instance.raw.get_physical_device_memory_properties(device),
+        )
+    };
+    let core = properties.properties;
+    let text = |chars: &[std::ffi::c_char]| name_of(chars).to_string_lossy().into_owned();
+    DeviceFacts {
+        index,
+        name: text(&core.device_name),
+        driver: format!("{} {}", text(&driver.driver_name), text(&driver.driver_info)),
+        kind: match core.device_type {
+            vk::PhysicalDeviceType::DISCRETE_GPU => "discrete",
+            vk::PhysicalDeviceType::INTEGRATED_GPU => "integrated",
+            vk::PhysicalDeviceType::VIRTUAL_GPU => "virtual",
+            vk::PhysicalDeviceType::CPU => "cpu",
+            _ => "other",
+        },
+        version: [
+            vk::api_version_major(core.api_version),
+            vk::api_version_minor(core.api_version),
+            vk::api_version_patch(core.api_version),
+        ],
+        missing: Features::missing(instance, device),
+        queues: queues
+            .iter()
+            .enumerate()
+            .map(|(family, queue)| QueueFacts {
+                family: family as u32,
+                count: queue.queue_count,
+                compute: queue.queue_flags.contains(vk::QueueFlags::COMPUTE),
+                graphics: queue.queue_flags.contains(vk::QueueFlags::GRAPHICS),
+                transfer: queue.queue_flags.intersects(
+                    vk::QueueFlags::TRANSFER | vk::QueueFlags::COMPUTE | vk::QueueFlags::GRAPHICS,
+                ),
+                timestamp_bits: queue.timestamp_valid_bits,
+                copy_granularity: {
+                    let grain = queue.min_image_transfer_granularity;
+                    [grain.width, grain.height, grain.depth]
+                },
+            })
+            .collect(),
+        image_3d_edge_max: core.limits.max_image_dimension3_d,
+        storage_bytes_max: u64::from(core.limits.max_storage_buffer_range),
+        heap_bytes: memory.memory_heaps[..memory.memory_heap_count as usize]
+            .iter()
+            .filter(|heap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL))
+            .map(|heap| heap.size)
+            .max()
+            .unwrap_or(0),
+        timestamp_period_ns: core.limits.timestamp_period,
+    }
+}
+
+fn choose(
+    devices: Vec<(vk::PhysicalDevice, DeviceFacts)>,
+    request: &DeviceRequest,
+) -> Result<(vk::PhysicalDevice, DeviceFacts)> {
+    if devices.is_empty() {
+        return Err(Error::machine(
+            "no Vulkan device on this machine: install a driver, or mesa-vulkan-drivers for one that needs no GPU",
+        ));
+    }
+    let Some(wanted) = &request.choice else {
+        let rank = |facts: &DeviceFacts| {
+            let kinds = ["discrete", "integrated", "virtual", "other", "cpu"];
+            let kind = kinds.iter().position(|kind| *kind == facts.kind);
+            (!facts.missing.is_empty(), kind, facts.index)
+        };
+        let best = devices.into_iter().min_by_key(|(_, facts)| rank(facts));
+        return best.ok_or_else(|| Error::machine("no Vulkan device on this machine"));
+    };
+    let names: Vec<String> =
+        devices.iter().map(|(_, facts)| format!("{}: {}", facts.index, facts.name)).collect();
+    devices
+        .into_iter()
+        .find(|(_, facts)| {
+            wanted.parse() == Ok(facts.index)
+                || facts.name.to_lowercase().contains(&wanted.to_lowercase())
+        })
+        .ok_or_else(|| {
+            Error::machine(format!(
+                "no device matches \"{wanted}\": choose among {}",
+                names.join("; ")
+            ))
+        })
+}
+
+/// Queue family and index for render and transfer: a family of its own for copies where there is
+/// one, else a second queue, else the same queue.
+fn assign_roles(queues: &[QueueFacts]) -> Option<[(u32, u32); RoleKind::COUNT]> {
+    let render = queues
+        .iter()
+        .filter(|queue| queue.compute && queue.count > 0)
+        .max_by_key(|queue| (queue.graphics, std::cmp::Reverse(queue.family)))?;
+    // A family that copies whole images only cannot place bricks.
+    let copies_only = queues.iter().find(|queue| {
+        queue.transfer && !queue.compute && !queue.graphics && queue.copy_granularity == [1, 1, 1]
+    });
+    let other_compute = queues.iter().find(|queue| queue.compute && queue.family != render.family);
+    let transfer = match copies_only.or(other_compute) {
+        Some(queue) => (queue.family, 0),
+        None => (render.family, u32::from(render.count > 1)),
+    };
+    Some([(render.family, 0), transfer])
+}
+
+fn open_device(
+    instance: &Instance,
+    physical: vk::PhysicalDevice,
+    queues: &[(u32, u32); RoleKind::COUNT],
+) -> Result<ash::Device> {
+    let priorities = [1.0, 1.0];
+    let mut infos = Vec::new();
+    for (family, _) in queues {
+        if infos.iter().any(|info: &vk::DeviceQueueCreateInfo| info.queue_family_index == *family) {
+            continue;
+        }
+        let count = queues
+            .iter()
+            .filter(|(f, _)| f == family)
+            .map(|(_, index)| index + 1)
+            .max()
+            .unwrap_or(1);
+        infos.push(
+            vk::DeviceQueueCreateInfo::builder()
+                .queue_family_index(*family)
+                .queue_priorities(&priorities[..count as usize])
+                .build(),
+        );
+    }
+    let mut features = Features::used();
+    let info = vk::DeviceCreateInfo::builder()
+        .queue_create_infos(&infos)
+        .enabled_features(&features.core)
+        .push_next(&mut features.vulkan12)
+        .push_next(&mut features.vulkan13);
+    // SAFETY: every pointer in `info` lives until the call returns; features were checked.
+    unsafe { instance.raw.create_device(physical, &info, None) }
+        .map_err(|why| vulkan_failed("opening the Vulkan device", why))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn family(family: u32, count: u32, compute: bool, graphics: bool) -> QueueFacts {
+        QueueFacts {
+            family,
+            count,
+            compute,
+            graphics,
+            transfer: true,
+            timestamp_bits: 64,
+            copy_granularity: [1, 1, 1],
+        }
+    }
+
+    #[test]
+    fn copies_get_a_family_of_their_own_where_there_is_one() {
+        let both = [family(0, 1, true, true), family(1, 2, false, false)];
+        assert_eq!(assign_roles(&both), Some([(0, 0), (1, 0)]));
+        assert_eq!(assign_roles(&[family(0, 2, true, true)]), Some([(0, 0), (0, 1)]));
+        assert_eq!(assign_roles(&[family(0, 1, true, true)]), Some([(0, 0), (0, 0)]));
+        assert_eq!(assign_roles(&[family(0, 1, false, false)]), None);
+    }
+
+    #[test]
+    fn a_family_that_copies_whole_images_only_is_passed_over() {
+        let whole = QueueFacts { copy_granularity: [0; 3], ..family(1, 1, false, false) };
+        assert_eq!(assign_roles(&[family(0, 1, true, true), whole]), Some([(0, 0), (0, 0)]));
+    }
+}

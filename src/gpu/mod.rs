@@ -1,0 +1,45 @@
+//! The ground floor: instance, device, roles, time points, memory, shader variants, barriers.
+//!
+//! Knows no volumes. The only room with `unsafe`; each block says why it is sound.
+//!
+//! # Invariants
+//! - A buffer or image dropped while the GPU still uses it is kept until that use has ended: every
+//!   submit stamps what it touches with its time point, and dropping retires by time point.
+//! - Host reads and writes of mapped memory wait for the time points stamped on it.
+//! - Every barrier is made by [`Recorder`] from declared accesses; nobody else records one.
+//! - Images live in the layout GENERAL: an atlas is written by one role while the other reads it, so
+//!   there is no moment at which a layout could change.
+#![allow(unsafe_code)]
+
+mod access;
+mod census;
+mod device;
+mod features;
+mod instance;
+mod memory;
+mod misuse;
+mod pipeline;
+mod recorder;
+mod reflection;
+mod resources;
+mod retirement;
+mod roles;
+mod shader;
+mod staging;
+mod timestamps;
+mod write_commands;
+
+pub use access::{Access, Barrier, Tracker};
+pub use census::{Census, ObjectKind};
+pub use device::{DeviceFacts, DeviceRequest, Gpu, QueueFacts};
+pub use instance::{Instance, Message, Validation};
+pub use memory::{Ledger, LedgerEntry, MemoryHome};
+pub use pipeline::{ComputePipeline, ObjectsOfPipeline};
+pub use recorder::{Record, Recorder, StepKind, StepRecord, Submitted};
+pub use reflection::{Binding, BindingKind, Member, Reflection};
+pub use resources::{Buffer, BufferSpec, Image, ImageFormat, ImageSpec, Sampler, SamplerFilter};
+pub use roles::{RoleKind, TimePoint};
+pub use shader::{Shader, ShaderCompiler, ShaderSources, Variant};
+pub use staging::Staging;
+pub use timestamps::Timestamps;
+pub use write_commands::IN_FLIGHT_MAX;

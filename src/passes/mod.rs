@@ -1,0 +1,9 @@
+//! Passes: one file per shader: its variants, what it reads and writes, its dispatch.
+
+pub mod march;
+pub mod probe;
+pub mod rays;
+pub mod resolve;
+mod sources;
+
+pub use sources::SOURCES;

@@ -1,0 +1,24 @@
+//! The plan, the frame, statistics: how a scene becomes pictures on a device.
+//!
+//! [`Plan`] lists every object, pass, variant and byte; [`Renderer`] builds exactly that and draws
+//! views; `frame` tells one tile's frame as a story.
+
+mod frame;
+mod image_layout;
+mod plan;
+mod plan_text;
+mod renderer;
+mod scene_data;
+mod settings;
+mod statistics;
+mod transfer_segments;
+mod upload;
+
+pub use image_layout::{Layout, LayoutChoice, TexelLayout};
+pub use plan::{Plan, PlannedBuffer, PlannedImage, PlannedPass};
+pub use renderer::{Picture, Renderer};
+pub use scene_data::SceneData;
+pub use settings::Settings;
+pub use statistics::{PassTime, Statistics};
+pub use transfer_segments::{classify_constant, transfer_segments};
+pub use upload::upload;

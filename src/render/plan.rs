@@ -1,0 +1,530 @@
+//! The plan: every Vulkan object, pass, variant and byte that a scene needs on a device, and what is
+//! left out and why. Plain data; the renderer builds exactly this.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use serde::Serialize;
+
+use crate::error::{Error, Result};
+use crate::gpu::{
+    Buffer, BufferSpec, Gpu, IN_FLIGHT_MAX, Image, ImageSpec, MemoryHome, ObjectKind,
+    ObjectsOfPipeline, RoleKind, Shader, ShaderCompiler, Staging,
+};
+use crate::passes::march::{ChannelShape, FilterShape, Shape};
+use crate::passes::{rays, resolve};
+use crate::render::image_layout::{Layout, LayoutChoice, TexelLayout};
+use crate::render::scene_data::SceneData;
+use crate::render::settings::Settings;
+use crate::render::transfer_segments::{classify_constant, transfer_segments};
+use crate::scene::Filter;
+use crate::twins::limits::BLOCK_SAMPLES;
+use crate::twins::ray::{RayGeometry, RayState};
+use crate::twins::rays::ViewRays;
+use crate::twins::transfer::TransferSegment;
+use crate::volume::{ChannelVoxels, ValueRange, VolumeVoxels, VoxelFormat};
+
+/// Names of the images of channels, in the order of the scene.
+pub(super) const CHANNEL_NAMES: [&str; 16] = [
+    "channel_0",
+    "channel_1",
+    "channel_2",
+    "channel_3",
+    "channel_4",
+    "channel_5",
+    "channel_6",
+    "channel_7",
+    "channel_8",
+    "channel_9",
+    "channel_10",
+    "channel_11",
+    "channel_12",
+    "channel_13",
+    "channel_14",
+    "channel_15",
+];
+/// March dispatches in one submit: bounds the time that a driver's watchdog sees.
+pub(super) const DISPATCHES_PER_SUBMIT: u32 = 8;
+/// Samples of one ray that its counters hold with room to spare.
+const SAMPLES_OF_RAY_MAX: f64 = 1e9;
+
+/// A buffer that will be made.
+#[derive(Clone, Debug, Serialize)]
+pub struct PlannedBuffer {
+    /// The field's name.
+    pub name: &'static str,
+    /// Bytes that passes use.
+    pub bytes: u64,
+    /// Bytes of device memory that it takes.
+    pub memory_bytes: u64,
+    /// "device", "upload" or "readback".
+    pub home: &'static str,
+    #[serde(skip)]
+    pub(super) spec: BufferSpec,
+}
+
+/// An image that will be made.
+#[derive(Clone, Debug, Serialize)]
+pub struct PlannedImage {
+    /// The field's name.
+    pub name: &'static str,
+    /// Texels along x, y, z, apron included.
+    pub size: [u32; 3],
+    /// Texel format.
+    pub format: &'static str,
+    /// "plain" or "quads".
+    pub layout: &'static str,
+    /// Bytes of device memory that it takes.
+    pub memory_bytes: u64,
+    #[serde(skip)]
+    pub(super) spec: ImageSpec,
+    /// Which channel of the scene it holds.
+    pub channel: usize,
+}
+
+/// A pass and its shader variant.
+#[derive(Clone, Debug, Serialize)]
+pub struct PlannedPass {
+    /// The shader's name.
+    pub name: &'static str,
+    /// Macros of the variant.
+    pub defines: Vec<(String, String)>,
+    /// What it binds, by name.
+    pub bindings: Vec<String>,
+    /// Bytes of push constants.
+    pub push_bytes: u32,
+    /// 32-bit words of its SPIR-V module.
+    pub spirv_words: usize,
+    /// SPIR-V instructions inside functions.
+    pub spirv_instructions: u32,
+    /// Dispatches per tile.
+    pub dispatches_per_tile: u32,
+    #[serde(skip)]
+    pub(super) shader: Shader,
+}
+
+/// See the module.
+#[derive(Clone, Debug, Serialize)]
+pub struct Plan {
+    /// The device's name.
+    pub device: String,
+    /// Driver name and version.
+    pub driver: String,
+    /// How roles map to queues.
+    pub queues: String,
+    /// How voxels are addressed: "direct", in one image per channel.
+    pub addressing: &'static str,
+    /// Pixels across and down.
+    pub picture: [u32; 2],
+    /// Pixels of the largest tile.
+    pub tile: [u32; 2],
+    /// Tiles of one view.
+    pub tiles: u32,
+    /// Views drawn.
+    pub views: Vec<String>,
+    /// Distance of two samples at most, world units; nothing: one sample a ray is exact.
+    pub step_world: Option<f64>,
+    /// Samples of a ray, at most.
+    pub samples_of_ray_max: u64,
+    /// Buffers.
+    pub buffers: Vec<PlannedBuffer>,
+    /// Images.
+    pub images: Vec<PlannedImage>,
+    /// Passes in the order of a frame.
+    pub passes: Vec<PlannedPass>,
+    /// Vulkan objects by kind, for all views of the scene.
+    pub objects: BTreeMap<&'static str, u64>,
+    /// Device memory of voxels, bytes: what atlas_mib limits.
+    pub atlas_bytes: u64,
+    /// Device memory of everything, bytes.
+    pub memory_bytes: u64,
+    /// What the scene does not need, and why.
+    pub left_out: Vec<(String, String)>,
+    #[serde(skip)]
+    pub(super) texel_layouts: Vec<Option<TexelLayout>>,
+    #[serde(skip)]
+    pub(super) segments: Vec<TransferSegment>,
+    #[serde(skip)]
+    pub(super) shape: Shape,
+    #[serde(skip)]
+    pub(super) settings: Settings,
+}
+
+/// What the plan needs to know of a channel's voxels.
+struct ChannelFacts {
+    format: VoxelFormat,
+    range: ValueRange,
+    nan_count: usize,
+}
+
+impl ChannelFacts {
+    fn of(channel: &ChannelVoxels) -> ChannelFacts {
+        let range = channel.voxels.range();
+        let finite = |value: f32| value.clamp(-f32::MAX, f32::MAX);
+        let range = if range.is_empty() {
+            range
+        } else {
+            ValueRange { least: finite(range.least), greatest: finite(range.greatest) }
+        };
+        ChannelFacts {
+            format: channel.voxels.format(),
+            range,
+            nan_count: channel.voxels.nan_count(),
+        }
+    }
+
+    /// Drawn without an image: one value everywhere.
+    fn is_constant(&self) -> bool {
+        self.range.least == self.range.greatest
+            && self.nan_count == 0
+            && self.format != VoxelFormat::Rgba8
+    }
+}
+
+impl Plan {
+    /// Plans a scene on a device; makes no Vulkan object.
+    ///
+    /// # Errors
+    /// Exit code 3 when the volume does not fit `atlas_mib` or the step asks for too many samples.
+    pub fn new(
+        gpu: &Gpu,
+        compiler: &ShaderCompiler,
+        data: &SceneData,
+        settings: &Settings,
+    ) -> Result<Plan> {
+        let scene = &data.scene;
+        let (volume, voxels) = data.volume();
+        let facts: Vec<_> = voxels.channels.iter().map(ChannelFacts::of).collect();
+        let mut left_out = LeftOut::default();
+
+        let (images, texel_layouts) = plan_images(gpu, data, &facts, settings)?;
+        let mut segments = Vec::new();
+        let mut channels = Vec::new();
+        for (index, (channel, facts)) in volume.channels.iter().zip(&facts).enumerate() {
+            let scaling = (voxels.channels[index].slope, voxels.channels[index].intercept);
+            let Some(layout) = &texel_layouts[index] else {
+                segments.push(classify_constant(channel, scaling, facts.range.least.into()));
+                channels.push(ChannelShape::Constant);
+                left_out.add(
+                    format!("image of channel {index}"),
+                    format!("every voxel is {}", facts.range.least),
+                );
+                continue;
+            };
+            let of_channel = transfer_segments(channel, scaling, (layout.scale, layout.offset));
+            let count = of_channel.len() as u32;
+            channels.push(match facts.format {
+                VoxelFormat::Rgba8 => ChannelShape::Rgba { segments: count },
+                _ => ChannelShape::Scalar { segments: count },
+            });
+            segments.extend(of_channel);
+        }
+        let homogeneous = images.is_empty();
+        let filter = texel_layouts.iter().flatten().next();
+        let shape = Shape {
+            channels,
+            filter: filter.map_or(FilterShape::Fetch, |l| l.filter_shape(scene.quality.filter)),
+            early_stop: scene.quality.early_stop > 0.0 && !homogeneous,
+            nan_voxels: facts.iter().any(|facts| facts.nan_count > 0),
+        };
+        left_out.of_shape(&shape, scene.quality.early_stop, homogeneous);
+
+        let step_world =
+            (!homogeneous).then(|| scene.quality.step * voxels.world_from_voxel.smallest_edge());
+        let samples_of_ray_max = samples_of_ray_max(voxels, step_world)?;
+        let dispatches = samples_of_ray_max.div_ceil(u64::from(settings.steps_per_dispatch)) as u32;
+
+        let picture = scene.picture.size;
+        let tile: [u32; 2] = std::array::from_fn(|axis| picture[axis].min(settings.tile[axis]));
+        let tiles = picture[0].div_ceil(tile[0]) * picture[1].div_ceil(tile[1]);
+        let buffers = plan_buffers(gpu, data, tile, segments.len(), &images);
+
+        let pass = |variant, dispatches_per_tile| -> Result<PlannedPass> {
+            let shader = compiler.compile(&variant)?;
+            Ok(PlannedPass {
+                name: variant.shader,
+                defines: variant.defines,
+                bindings: shader.reflection.bindings.iter().map(|b| b.name.clone()).collect(),
+                push_bytes: shader.reflection.push_bytes,
+                spirv_words: shader.spirv.len(),
+                spirv_instructions: shader.reflection.instructions,
+                dispatches_per_tile,
+                shader,
+            })
+        };
+        let passes = vec![
+            pass(rays::variant(), 1)?,
+            pass(shape.variant(), dispatches)?,
+            pass(resolve::variant(), 1)?,
+        ];
+        let atlas_bytes = images.iter().map(|image| image.memory_bytes).sum();
+        let memory_bytes =
+            atlas_bytes + buffers.iter().map(|buffer| buffer.memory_bytes).sum::<u64>();
+        let submits_of_tile = u64::from(dispatches.div_ceil(DISPATCHES_PER_SUBMIT));
+        let submits = u64::from(tiles) * scene.views.len() as u64 * submits_of_tile;
+        let copies = copies_of(&images, &buffers);
+        Ok(Plan {
+            device: gpu.facts().name.clone(),
+            driver: gpu.facts().driver.clone(),
+            queues: queues_text(gpu, images.is_empty()),
+            addressing: "direct",
+            picture,
+            tile,
+            tiles,
+            views: scene.views.iter().map(|view| view.name.clone()).collect(),
+            step_world,
+            samples_of_ray_max,
+            objects: objects(gpu, &buffers, &images, passes.len() as u64, submits, copies),
+            buffers,
+            images,
+            passes,
+            atlas_bytes,
+            memory_bytes,
+            left_out: left_out.0,
+            texel_layouts,
+            segments,
+            shape,
+            settings: *settings,
+        })
+    }
+
+    /// Blocks of samples in one march dispatch: no more than a ray can have.
+    pub(super) fn blocks_per_dispatch(&self) -> u32 {
+        let needed = self.samples_of_ray_max.div_ceil(u64::from(BLOCK_SAMPLES));
+        self.settings.blocks_per_dispatch().min(needed as u32)
+    }
+}
+
+#[derive(Default)]
+struct LeftOut(Vec<(String, String)>);
+
+impl LeftOut {
+    fn add(&mut self, what: impl Into<String>, why: impl Into<String>) {
+        self.0.push((what.into(), why.into()));
+    }
+
+    fn of_shape(&mut self, shape: &Shape, early_stop: f64, homogeneous: bool) {
+        if homogeneous {
+            self.add("images, sampler, staging, transfer role", "no channel has an image");
+            self.add("steps along the ray", "the medium is homogeneous: one sample is exact");
+        }
+        if !shape.early_stop {
+            let why = if early_stop > 0.0 { "rays have one sample" } else { "early_stop = 0" };
+            self.add("early stop", why);
+        }
+        if !shape.nan_voxels {
+            self.add("test for NaN", "no voxel is NaN");
+        }
+        if shape.channels.len() == 1 {
+            self.add("mixing of channels", "the scene shows one");
+        }
+        self.add(
+            "page table, requests, loaders",
+            "the volume fits the atlas: addressing is direct",
+        );
+    }
+}
+
+fn plan_images(
+    gpu: &Gpu,
+    data: &SceneData,
+    facts: &[ChannelFacts],
+    settings: &Settings,
+) -> Result<(Vec<PlannedImage>, Vec<Option<TexelLayout>>)> {
+    let limit = data.scene.memory.atlas_mib << 20;
+    let of_layout = |layout| images_in_layout(gpu, data, facts, layout);
+    let bytes = |images: &[PlannedImage]| images.iter().map(|i| i.memory_bytes).sum::<u64>();
+    let quads_possible = data.scene.quality.filter == Filter::Exact
+        && facts.iter().all(|facts| facts.format != VoxelFormat::Rgba8);
+    if settings.layout == LayoutChoice::Only(Layout::Quads) && !quads_possible {
+        return Err(Error::arguments(
+            "--layout quads: needs filter \"exact\" and no RGBA channel: use --layout plain",
+        ));
+    }
+    // Measured: `ashfall bench sample`, docs/MEASUREMENTS.md. Where the CPU samples, two fetches of
+    // quads cost a fifth of eight; texture hardware has a cache for the eight.
+    let quads_wanted = match settings.layout {
+        LayoutChoice::Auto => gpu.facts().kind == "cpu",
+        LayoutChoice::Only(layout) => layout == Layout::Quads,
+    };
+    if quads_wanted && quads_possible {
+        let (images, layouts) = of_layout(Layout::Quads)?;
+        if bytes(&images) <= limit || settings.layout != LayoutChoice::Auto {
+            check_fits(data, bytes(&images), limit)?;
+            return Ok((images, layouts));
+        }
+    }
+    let (images, layouts) = of_layout(Layout::Plain)?;
+    check_fits(data, bytes(&images), limit)?;
+    Ok((images, layouts))
+}
+
+fn check_fits(data: &SceneData, bytes: u64, limit: u64) -> Result<()> {
+    if bytes <= limit {
+        return Ok(());
+    }
+    let (volume, _) = data.volume();
+    Err(volume.place.error(format!(
+        "volume \"{}\" needs {} MiB on the device, but atlas_mib is {}: raise --atlas-mib (paging is not built yet)",
+        volume.name,
+        bytes.div_ceil(1 << 20),
+        limit >> 20
+    )))
+}
+
+fn images_in_layout(
+    gpu: &Gpu,
+    data: &SceneData,
+    facts: &[ChannelFacts],
+    layout: Layout,
+) -> Result<(Vec<PlannedImage>, Vec<Option<TexelLayout>>)> {
+    let (volume, voxels) = data.volume();
+    let size = voxels.size.to_array().map(|edge| edge + 2);
+    let edge_max = gpu.facts().image_3d_edge_max;
+    let mut images = Vec::new();
+    let mut layouts = Vec::new();
+    for (channel, facts) in facts.iter().enumerate() {
+        if facts.is_constant() {
+            layouts.push(None);
+            continue;
+        }
+        if size.iter().any(|edge| *edge > edge_max) {
+            return Err(volume.place.error(format!(
+                "volume \"{}\" of {} voxels is larger than this device's images ({edge_max} along an axis): paging is not built yet",
+                volume.name, voxels.size
+            )));
+        }
+        let texel = TexelLayout::of(facts.format, facts.range, layout);
+        let spec = ImageSpec { name: CHANNEL_NAMES[channel], size, format: texel.format };
+        images.push(PlannedImage {
+            name: spec.name,
+            size,
+            format: spec.format.name(),
+            layout: texel.layout.name(),
+            memory_bytes: Image::memory_bytes(gpu, &spec),
+            spec,
+            channel,
+        });
+        layouts.push(Some(texel));
+    }
+    Ok((images, layouts))
+}
+
+fn plan_buffers(
+    gpu: &Gpu,
+    data: &SceneData,
+    tile: [u32; 2],
+    segments: usize,
+    images: &[PlannedImage],
+) -> Vec<PlannedBuffer> {
+    let rays = u64::from(tile[0]) * u64::from(tile[1]);
+    let views = data.scene.views.len() as u64;
+    let spec = |name, bytes, home| BufferSpec { name, bytes, home };
+    let mut specs = vec![
+        spec("views", views * size_of::<ViewRays>() as u64, MemoryHome::Upload),
+        spec("transfer", (segments * size_of::<TransferSegment>()) as u64, MemoryHome::Upload),
+        spec("ray_geometry", rays * size_of::<RayGeometry>() as u64, MemoryHome::Device),
+        spec("ray_state", rays * size_of::<RayState>() as u64, MemoryHome::Device),
+        spec("picture", rays * size_of::<[f32; 4]>() as u64, MemoryHome::Readback),
+        spec("counters", size_of::<[u32; 2]>() as u64, MemoryHome::Readback),
+    ];
+    // Staging no larger than the largest image, and at least one row of it.
+    let image_bytes = |image: &PlannedImage| {
+        image.size.iter().map(|edge| u64::from(*edge)).product::<u64>() * image.spec.format.bytes()
+    };
+    let row_bytes = |image: &PlannedImage| u64::from(image.size[0]) * image.spec.format.bytes();
+    if let Some(largest) = images.iter().map(image_bytes).max() {
+        let row = images.iter().map(row_bytes).max().unwrap_or(1);
+        let half = ((data.scene.memory.staging_mib << 20) / 2).min(largest).max(row);
+        specs.extend(Staging::specs(half));
+    }
+    specs
+        .into_iter()
+        .map(|spec| PlannedBuffer {
+            name: spec.name,
+            bytes: spec.bytes,
+            memory_bytes: Buffer::memory_bytes(gpu, &spec),
+            home: spec.home.name(),
+            spec,
+        })
+        .collect()
+}
+
+/// An upper bound: the box's longest diagonal in steps.
+fn samples_of_ray_max(voxels: &VolumeVoxels, step_world: Option<f64>) -> Result<u64> {
+    let Some(step) = step_world else { return Ok(1) };
+    let size = DVec3::from_array(voxels.size.to_array().map(f64::from));
+    let diagonals = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
+    let longest = diagonals
+        .iter()
+        .map(|&(y, z)| voxels.world_from_voxel.vector(size * DVec3::new(1.0, y, z)).length())
+        .fold(0.0, f64::max);
+    // A thousandth and one more for rounding in the ray's own arithmetic.
+    let samples = (longest / step * 1.001).ceil() + 1.0;
+    if samples > SAMPLES_OF_RAY_MAX {
+        return Err(Error::input(format!(
+            "step asks for {samples:.0} samples along the volume's diagonal, at most {SAMPLES_OF_RAY_MAX:e} are possible: raise step"
+        )));
+    }
+    Ok(samples as u64)
+}
+
+/// Copies that fill all images through the staging halves; see `upload`.
+fn copies_of(images: &[PlannedImage], buffers: &[PlannedBuffer]) -> u64 {
+    let half = buffers.iter().find(|b| b.name == "staging_half_0").map_or(1, |b| b.bytes);
+    let copies = |image: &PlannedImage| {
+        let [width, height, depth] = image.size.map(u64::from);
+        let rows = (half / (width * image.spec.format.bytes())).max(1);
+        match rows / height {
+            0 => height.div_ceil(rows) * depth,
+            slices => depth.div_ceil(slices),
+        }
+    };
+    images.iter().map(copies).sum()
+}
+
+fn queues_text(gpu: &Gpu, render_only: bool) -> String {
+    let (family, index) = gpu.queue_of(RoleKind::Render);
+    let render = format!("render on family {family} queue {index}");
+    let (family, index) = gpu.queue_of(RoleKind::Transfer);
+    match (render_only, gpu.roles_share_queue()) {
+        (true, _) => render,
+        (false, true) => format!("{render}, shared by transfer"),
+        (false, false) => format!("{render}, transfer on family {family} queue {index}"),
+    }
+}
+
+fn objects(
+    gpu: &Gpu,
+    buffers: &[PlannedBuffer],
+    images: &[PlannedImage],
+    passes: u64,
+    submits: u64,
+    copies: u64,
+) -> BTreeMap<&'static str, u64> {
+    let (buffers, images) = (buffers.len() as u64, images.len() as u64);
+    let transfers = u64::from(images > 0);
+    let in_flight = IN_FLIGHT_MAX as u64;
+    let timed = |role| u64::from(gpu.has_timestamps(role));
+    let counts = [
+        (ObjectKind::Buffer, buffers),
+        (ObjectKind::Image, images),
+        (ObjectKind::ImageView, images),
+        (ObjectKind::Sampler, transfers),
+        (ObjectKind::DeviceMemory, buffers + images),
+        (ObjectKind::Semaphore, 1 + transfers),
+        (ObjectKind::CommandPool, 1 + transfers),
+        (ObjectKind::CommandBuffer, submits.min(in_flight) + copies.min(in_flight)),
+        (
+            ObjectKind::QueryPool,
+            timed(RoleKind::Render) + 2 * transfers * timed(RoleKind::Transfer),
+        ),
+    ];
+    let of_passes = ObjectsOfPipeline::COUNTS.map(|(kind, count)| (kind, count * passes));
+    counts
+        .into_iter()
+        .chain(of_passes)
+        .filter(|(_, count)| *count > 0)
+        .map(|(kind, count)| (kind.name(), count))
+        .collect()
+}

@@ -1,0 +1,245 @@
+//! Builds what the plan lists and draws views with it.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::DVec3;
+
+use crate::error::Result;
+use crate::gpu::{
+    Buffer, ComputePipeline, Gpu, Image, Record, RoleKind, Sampler, SamplerFilter, Staging,
+    TimePoint, Timestamps,
+};
+use crate::passes::march::FilterShape;
+use crate::render::frame::{self, Tile};
+use crate::render::plan::{DISPATCHES_PER_SUBMIT, Plan, PlannedBuffer};
+use crate::render::scene_data::SceneData;
+use crate::render::statistics::{Statistics, peak_rss_bytes};
+use crate::render::upload::upload;
+use crate::scene::RayFrame;
+use crate::twins::rays::ViewRays;
+use crate::volume::WorldFromVoxel;
+
+/// A finished view: linear rgb over the background, and alpha; row 0 on top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Pixels across and down.
+    pub size: [u32; 2],
+    /// Row by row.
+    pub pixels: Vec<[f32; 4]>,
+}
+
+/// Everything that drawing a scene on a device takes, made once.
+pub struct Renderer {
+    pub(super) gpu: Arc<Gpu>,
+    pub(super) plan: Plan,
+    pub(super) buffers: Buffers,
+    pub(super) channels: Vec<Image>,
+    pub(super) sampler: Option<Sampler>,
+    pub(super) pipelines: Pipelines,
+    pub(super) timestamps: Option<Timestamps>,
+    /// What the first submit waits for.
+    pub(super) uploaded: Vec<TimePoint>,
+    pub(super) volume_size: [u32; 3],
+    pub(super) background: [f32; 3],
+    pub(super) early_stop: f32,
+    upload_ms: f64,
+    bytes_uploaded: u64,
+    records: Vec<Record>,
+}
+
+pub(super) struct Buffers {
+    pub views: Buffer,
+    pub transfer: Buffer,
+    pub ray_geometry: Buffer,
+    pub ray_state: Buffer,
+    pub picture: Buffer,
+    pub counters: Buffer,
+}
+
+pub(super) struct Pipelines {
+    pub rays: Arc<ComputePipeline>,
+    pub march: Arc<ComputePipeline>,
+    pub resolve: Arc<ComputePipeline>,
+}
+
+impl Renderer {
+    /// Makes every object of the plan and copies the voxels to the device.
+    ///
+    /// # Errors
+    /// Exit code 4 when the device runs out of memory or is lost.
+    pub fn new(gpu: &Arc<Gpu>, plan: Plan, data: &SceneData) -> Result<Renderer> {
+        let scene = &data.scene;
+        let (_, voxels) = data.volume();
+        let make = |name: &str| Buffer::new(gpu, &planned(&plan, name).spec);
+        let buffers = Buffers {
+            views: make("views")?,
+            transfer: make("transfer")?,
+            ray_geometry: make("ray_geometry")?,
+            ray_state: make("ray_state")?,
+            picture: make("picture")?,
+            counters: make("counters")?,
+        };
+        let frames = scene.views.iter().map(|view| view.ray_frame_world(scene.picture.size));
+        let views: Vec<_> =
+            frames.map(|frame| view_rays(&frame, &voxels.world_from_voxel)).collect();
+        buffers.views.write(0, bytemuck::cast_slice(&views))?;
+        buffers.transfer.write(0, bytemuck::cast_slice(&plan.segments))?;
+
+        let pipeline = |index: usize| ComputePipeline::new(gpu, plan.passes[index].shader.clone());
+        let pipelines =
+            Pipelines { rays: pipeline(0)?, march: pipeline(1)?, resolve: pipeline(2)? };
+        let steps = DISPATCHES_PER_SUBMIT + 2;
+        let timestamps = Timestamps::new(gpu, RoleKind::Render, steps)?;
+
+        let mut channels = Vec::new();
+        let mut sampler = None;
+        let mut uploaded = Vec::new();
+        let mut upload_ms = 0.0;
+        let mut bytes_uploaded = 0;
+        if !plan.images.is_empty() {
+            let filter = match plan.shape.filter {
+                FilterShape::Sampler => SamplerFilter::Linear,
+                FilterShape::Fetch | FilterShape::Quads => SamplerFilter::Nearest,
+            };
+            sampler = Some(Sampler::new(gpu, filter)?);
+            let mut staging = Staging::new(gpu, planned(&plan, "staging_half_0").spec.bytes)?;
+            for planned in &plan.images {
+                let image = Image::new(gpu, &planned.spec)?;
+                if let Some(layout) = &plan.texel_layouts[planned.channel] {
+                    let source = &voxels.channels[planned.channel].voxels;
+                    uploaded.extend(upload(&mut staging, &image, source, voxels.size, layout)?);
+                    let texels: u64 = planned.size.iter().map(|edge| u64::from(*edge)).product();
+                    bytes_uploaded += texels * layout.format.bytes();
+                }
+                channels.push(image);
+            }
+            upload_ms = staging.finish()?;
+        }
+        Ok(Renderer {
+            gpu: gpu.clone(),
+            buffers,
+            channels,
+            sampler,
+            pipelines,
+            timestamps,
+            uploaded,
+            volume_size: voxels.size.to_array(),
+            background: scene.picture.background,
+            early_stop: scene.quality.early_stop as f32,
+            upload_ms,
+            bytes_uploaded,
+            records: Vec::new(),
+            plan,
+        })
+    }
+
+    /// What was built.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// What was recorded for the last view, submit by submit.
+    pub fn records(&self) -> &[Record] {
+        &self.records
+    }
+
+    /// Draws one view; `progress` is told the finished part, 0 to 1.
+    ///
+    /// # Errors
+    /// Exit code 4 when the device is lost.
+    pub fn draw(
+        &mut self,
+        view: usize,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<(Picture, Statistics)> {
+        let start = Instant::now();
+        let mut statistics = Statistics {
+            rounds: 1,
+            converged: true,
+            bytes_uploaded: self.bytes_uploaded,
+            device: self.plan.device.clone(),
+            driver: self.plan.driver.clone(),
+            ..Statistics::default()
+        };
+        if self.bytes_uploaded > 0 && self.gpu.has_timestamps(RoleKind::Transfer) {
+            statistics.add_step("upload", self.upload_ms);
+        }
+        let [width, height] = self.plan.picture;
+        let mut pixels = vec![[0.0; 4]; width as usize * height as usize];
+        let mut records = Vec::new();
+        let submits = self.plan.tiles
+            * self.plan.passes[1].dispatches_per_tile.div_ceil(DISPATCHES_PER_SUBMIT);
+        for tile in self.tiles(view as u32) {
+            self.buffers.counters.write(0, &[0; 8])?;
+            frame::draw(self, tile, |submitted| {
+                self.gpu.wait(submitted.point)?;
+                for (pass, ms) in self.timestamps.iter().flat_map(Timestamps::step_ms).flatten() {
+                    statistics.add_step(pass, ms);
+                }
+                records.push(submitted.record.clone());
+                progress(records.len() as f64 / f64::from(submits));
+                Ok(())
+            })?;
+            statistics.samples += self.collect(tile, &mut pixels)?;
+        }
+        statistics.wall_ms = start.elapsed().as_secs_f64() * 1e3;
+        statistics.device_bytes = self.gpu.ledger.bytes();
+        statistics.peak_rss_bytes = peak_rss_bytes();
+        statistics.validation_messages = self.gpu.messages().len() as u64;
+        self.records = records;
+        Ok((Picture { size: self.plan.picture, pixels }, statistics))
+    }
+
+    fn tiles(&self, view: u32) -> Vec<Tile> {
+        let [width, height] = self.plan.picture;
+        let [across, down] = self.plan.tile;
+        let mut tiles = Vec::new();
+        for y in (0..height).step_by(down as usize) {
+            for x in (0..width).step_by(across as usize) {
+                let size_pixel = [across.min(width - x), down.min(height - y)];
+                tiles.push(Tile { view, origin_pixel: [x, y], size_pixel });
+            }
+        }
+        tiles
+    }
+
+    /// Copies a finished tile into the picture and returns the samples it took.
+    fn collect(&self, tile: Tile, pixels: &mut [[f32; 4]]) -> Result<u64> {
+        let [tile_width, tile_height] = tile.size_pixel.map(|edge| edge as usize);
+        let mut drawn = vec![[0.0f32; 4]; tile_width * tile_height];
+        self.buffers.picture.read(0, bytemuck::cast_slice_mut(&mut drawn))?;
+        for (row, line) in drawn.chunks_exact(tile_width).enumerate() {
+            let y = tile.origin_pixel[1] as usize + row;
+            let start = y * self.plan.picture[0] as usize + tile.origin_pixel[0] as usize;
+            pixels[start..start + tile_width].copy_from_slice(line);
+        }
+        let mut counters = [0u32; 2];
+        self.buffers.counters.read(0, bytemuck::cast_slice_mut(&mut counters))?;
+        Ok(u64::from(counters[1]) << 32 | u64::from(counters[0]))
+    }
+}
+
+fn planned<'p>(plan: &'p Plan, name: &str) -> &'p PlannedBuffer {
+    match plan.buffers.iter().find(|buffer| buffer.name == name) {
+        Some(buffer) => buffer,
+        None => unreachable!("every plan lists buffer {name}"),
+    }
+}
+
+/// A view's rays in voxels and in the world, as the shader takes them.
+fn view_rays(world: &RayFrame, world_from_voxel: &WorldFromVoxel) -> ViewRays {
+    let voxel = world.in_voxels(world_from_voxel);
+    let wide = |v: DVec3| [v.x, v.y, v.z, 0.0];
+    ViewRays {
+        origin_voxel: wide(voxel.origin),
+        origin_column_voxel: wide(voxel.origin_column),
+        origin_row_voxel: wide(voxel.origin_row),
+        direction_voxel: wide(voxel.direction),
+        direction_column_voxel: wide(voxel.direction_column),
+        direction_row_voxel: wide(voxel.direction_row),
+        direction_world: wide(world.direction),
+        direction_column_world: wide(world.direction_column),
+        direction_row_world: wide(world.direction_row),
+    }
+}

@@ -1,0 +1,57 @@
+//! How to render, beside what the scene says: nothing here changes a finished picture.
+
+use crate::error::{Error, Result};
+use crate::render::image_layout::LayoutChoice;
+use crate::twins::limits::BLOCK_SAMPLES;
+
+/// Tile, work per dispatch, layout. A picture's bytes do not depend on the first two; on the layout
+/// only with filter `hardware`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Greatest size of a tile in pixels; a view is drawn tile by tile.
+    pub tile: [u32; 2],
+    /// Samples of one ray in one dispatch, at most.
+    pub steps_per_dispatch: u32,
+    /// How voxels lie in their image.
+    pub layout: LayoutChoice,
+}
+
+/// lavapipe of Mesa 22.3 silently ends an invocation after 65,535 turns of all its loops together;
+/// blocks and samples both count.
+const STEPS_PER_DISPATCH_MAX: u32 = 32_768;
+/// Pixels of a tile along one side: bounds the memory of ray states.
+const TILE_EDGE_MAX: u32 = 4096;
+
+impl Default for Settings {
+    fn default() -> Settings {
+        Settings { tile: [512, 512], steps_per_dispatch: 4096, layout: LayoutChoice::Auto }
+    }
+}
+
+impl Settings {
+    /// Checks the numbers; steps are rounded up to whole blocks.
+    ///
+    /// # Errors
+    /// Exit code 2 when one is out of range.
+    pub fn checked(mut self) -> Result<Settings> {
+        if !self.tile.iter().all(|edge| (1..=TILE_EDGE_MAX).contains(edge)) {
+            return Err(Error::arguments(format!(
+                "--tile: must be 1 to {TILE_EDGE_MAX} pixels a side, got {} x {}",
+                self.tile[0], self.tile[1]
+            )));
+        }
+        if !(1..=STEPS_PER_DISPATCH_MAX).contains(&self.steps_per_dispatch) {
+            return Err(Error::arguments(format!(
+                "--steps-per-dispatch: must be 1 to {STEPS_PER_DISPATCH_MAX}, got {}",
+                self.steps_per_dispatch
+            )));
+        }
+        self.steps_per_dispatch = self.steps_per_dispatch.next_multiple_of(BLOCK_SAMPLES);
+        Ok(self)
+    }
+
+    /// Blocks of samples in one dispatch.
+    pub fn blocks_per_dispatch(&self) -> u32 {
+        self.steps_per_dispatch / BLOCK_SAMPLES
+    }
+}

@@ -1,0 +1,394 @@
+//! The price of one sample on a device: loop, texel, each filter and format; the error each filter was
+//! bought with; and the caster's own price beside the bare ones.
+
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use crate::error::Result;
+use crate::gpu::{
+    Buffer, BufferSpec, ComputePipeline, Gpu, Image, ImageSpec, MemoryHome, Recorder, RoleKind,
+    Sampler, SamplerFilter, ShaderCompiler, Staging, Timestamps,
+};
+use crate::passes::march::FilterShape;
+use crate::passes::probe::{self, ProbeShape};
+use crate::render::{
+    Layout, LayoutChoice, Plan, Renderer, SceneData, Settings, TexelLayout, upload,
+};
+use crate::scene::{Overrides, Scene};
+use crate::study::clock::{Clock, median};
+use crate::twins::probe::Push;
+use crate::volume::{
+    ChannelVoxels, Size3, ValueRange, VolumeVoxels, VoxelFormat, Voxels, WorldFromVoxel,
+};
+
+/// How much is measured.
+#[derive(Clone, Copy, Debug)]
+pub struct Effort {
+    /// Voxels along each axis of the probed volume.
+    pub edge: u32,
+    /// Lines across and down.
+    pub lines: u32,
+    /// Samples of each line.
+    pub samples: u32,
+    /// Repetitions; the median counts.
+    pub repeats: u32,
+}
+
+impl Effort {
+    /// As STACK's table: 256 cubed, 512 x 512 lines, 48 million samples.
+    pub const FULL: Effort = Effort { edge: 256, lines: 512, samples: 183, repeats: 5 };
+    /// Enough to see that it runs.
+    pub const SMALL: Effort = Effort { edge: 32, lines: 64, samples: 24, repeats: 1 };
+}
+
+/// One row of the table.
+#[derive(Clone, Debug, Serialize)]
+pub struct Price {
+    /// What one sample did.
+    pub what: String,
+    /// Nanoseconds of one sample: processor time where the device is a CPU, else device time.
+    pub ns: f64,
+    /// Fastest and slowest repetition.
+    pub ns_min_max: [f64; 2],
+    /// Against the bare loop of this run.
+    pub over_loop: f64,
+    /// Of a caster: against the bare filtered sample of the same filter and format.
+    pub over_bare: Option<f64>,
+    /// Of a filter: greatest error against f64 arithmetic, as a part of the value range.
+    pub error_max: Option<f64>,
+}
+
+/// All rows, and what they were measured with.
+#[derive(Clone, Debug, Serialize)]
+pub struct PriceTable {
+    /// The device's name.
+    pub device: String,
+    /// Driver name and version.
+    pub driver: String,
+    /// "processor" or "device": whose time was measured.
+    pub clock: &'static str,
+    /// Samples of one measurement, millions.
+    pub million_samples: f64,
+    /// In order of measurement.
+    pub prices: Vec<Price>,
+}
+
+const FILTERS: [(FilterShape, Layout, &str); 3] = [
+    (FilterShape::Sampler, Layout::Plain, "sampler"),
+    (FilterShape::Fetch, Layout::Plain, "eight texels"),
+    (FilterShape::Quads, Layout::Quads, "two quads"),
+];
+
+/// Measures the whole table; `progress` is told the finished part.
+///
+/// # Errors
+/// Exit code 4 when the device runs out of memory or is lost.
+pub fn measure(
+    gpu: &Arc<Gpu>,
+    compiler: &ShaderCompiler,
+    effort: &Effort,
+    progress: &mut dyn FnMut(f64),
+) -> Result<PriceTable> {
+    let bench = Bench { gpu, compiler, effort };
+    let mut prices: Vec<Price> = Vec::new();
+    let steps = 2.0 + 12.0;
+    let mut done = 0.0;
+    let mut step = || {
+        done += 1.0;
+        progress(done / steps);
+    };
+    let bare_loop = bench.price(ProbeShape::Loop, None)?;
+    let over_loop = |ns: f64| ns / median(&bare_loop);
+    prices.push(row("loop alone", &bare_loop, over_loop(median(&bare_loop))));
+    step();
+    let noise = bench.noise(VoxelFormat::U8);
+    let plain = bench.image(&noise, Layout::Plain)?;
+    let nearest = Sampler::new(gpu, SamplerFilter::Nearest)?;
+    let one = bench.price(ProbeShape::OneTexel, Some((&plain.0, &nearest)))?;
+    prices.push(row("one texel, u8", &one, over_loop(median(&one))));
+    drop(plain);
+    step();
+    for format in [VoxelFormat::U8, VoxelFormat::U16, VoxelFormat::F32] {
+        let noise = bench.noise(format);
+        for (filter, layout, name) in FILTERS {
+            let (image, texel) = bench.image(&noise, layout)?;
+            let sampler = Sampler::new(gpu, sampler_filter(filter))?;
+            let probed = Some((&image, &sampler));
+            let bare = bench.price(ProbeShape::Filtered(filter), probed)?;
+            let mut bare_row = row(&format!("{name}, {format}"), &bare, over_loop(median(&bare)));
+            bare_row.error_max =
+                Some(filter_error(gpu, compiler, (&image, &sampler), filter, &noise, &texel)?);
+            prices.push(bare_row);
+            drop(image);
+            step();
+            if format == VoxelFormat::U8 {
+                let caster = bench.caster_price(&noise, filter, layout)?;
+                let ns = median(&caster);
+                let mut caster_row =
+                    row(&format!("caster, {name}, {format}"), &caster, over_loop(ns));
+                caster_row.over_bare = Some(ns / median(&bare));
+                prices.push(caster_row);
+                step();
+            }
+        }
+    }
+    Ok(PriceTable {
+        device: gpu.facts().name.clone(),
+        driver: gpu.facts().driver.clone(),
+        clock: if bench.counts_processor() { "processor" } else { "device" },
+        million_samples: f64::from(effort.lines).powi(2) * f64::from(effort.samples) * 1e-6,
+        prices,
+    })
+}
+
+fn row(what: &str, ns: &[f64], over_loop: f64) -> Price {
+    let least = ns.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = ns.iter().copied().fold(0.0, f64::max);
+    Price {
+        what: what.to_owned(),
+        ns: median(ns),
+        ns_min_max: [least, most],
+        over_loop,
+        over_bare: None,
+        error_max: None,
+    }
+}
+
+fn sampler_filter(filter: FilterShape) -> SamplerFilter {
+    match filter {
+        FilterShape::Sampler => SamplerFilter::Linear,
+        FilterShape::Fetch | FilterShape::Quads => SamplerFilter::Nearest,
+    }
+}
+
+struct Bench<'a> {
+    gpu: &'a Arc<Gpu>,
+    compiler: &'a ShaderCompiler,
+    effort: &'a Effort,
+}
+
+impl Bench<'_> {
+    fn counts_processor(&self) -> bool {
+        self.gpu.facts().kind == "cpu" && Clock::start().elapsed().cpu_ns.is_some()
+    }
+
+    fn noise(&self, format: VoxelFormat) -> Voxels {
+        noise(format, self.effort.edge)
+    }
+
+    fn image(&self, voxels: &Voxels, layout: Layout) -> Result<(Image, TexelLayout)> {
+        let range = ValueRange { least: 0.0, greatest: 1.0 };
+        let texel = TexelLayout::of(voxels.format(), range, layout);
+        Ok((filled_image(self.gpu, voxels, self.effort.edge, &texel)?, texel))
+    }
+
+    /// Nanoseconds of one sample of the bare probe, one per repetition.
+    fn price(&self, shape: ProbeShape, probed: Option<(&Image, &Sampler)>) -> Result<Vec<f64>> {
+        let Effort { edge, lines, samples, .. } = *self.effort;
+        let shader = self.compiler.compile(&probe::variant(shape))?;
+        let pipeline = ComputePipeline::new(self.gpu, shader)?;
+        let sums = Buffer::new(self.gpu, &sums_spec(lines))?;
+        let timestamps = Timestamps::new(self.gpu, RoleKind::Render, 1)?;
+        // Lines through the whole volume, a little aslant, as a camera's rays are.
+        let (inner, across) = (edge as f32 - 2.0, lines as f32);
+        let push = Push {
+            origin_voxel: [0.3; 3],
+            lines_across: lines,
+            column_voxel: [inner * 0.9 / across, 0.0, 0.0],
+            lines_down: lines,
+            row_voxel: [0.0, inner * 0.9 / across, 0.0],
+            samples,
+            step_voxel: [0.08, 0.06, 0.9].map(|part| part * inner / samples as f32),
+        };
+        self.repeat(u64::from(lines).pow(2) * u64::from(samples), || {
+            let mut recorder = Recorder::new(self.gpu, RoleKind::Render, timestamps.as_ref());
+            probe::record(&mut recorder, &pipeline, probed, &sums, &push);
+            self.gpu.wait(recorder.submit(&[])?.point)?;
+            let ms = timestamps.as_ref().map_or(Ok(Vec::new()), Timestamps::step_ms)?;
+            Ok(ms.iter().map(|(_, ms)| ms).sum())
+        })
+    }
+
+    /// Nanoseconds of one sample of the real caster, all its passes included.
+    fn caster_price(
+        &self,
+        voxels: &Voxels,
+        filter: FilterShape,
+        layout: Layout,
+    ) -> Result<Vec<f64>> {
+        let edge = self.effort.edge;
+        let mut scene = Scene::from_toml(
+            CASTER_SCENE,
+            "bench".as_ref(),
+            &Overrides {
+                size: Some([self.effort.lines; 2]),
+                step: Some(f64::from(edge) / f64::from(self.effort.samples)),
+                filter: Some(
+                    if filter == FilterShape::Sampler { "hardware" } else { "exact" }.to_owned(),
+                ),
+                ..Overrides::default()
+            },
+        )?;
+        let unit = WorldFromVoxel::from_spacing([1.0 / f64::from(edge); 3])?;
+        scene.volumes[0].world_from_voxel = Some(unit);
+        let channel = ChannelVoxels { voxels: voxels.clone(), slope: 1.0, intercept: 0.0 };
+        let volume = VolumeVoxels {
+            size: Size3::cube(edge),
+            world_from_voxel: unit,
+            channels: vec![channel],
+        };
+        let data = SceneData::new(scene, vec![volume])?;
+        let settings = Settings { layout: LayoutChoice::Only(layout), ..Settings::default() };
+        let plan = Plan::new(self.gpu, self.compiler, &data, &settings)?;
+        let mut renderer = Renderer::new(self.gpu, plan, &data)?;
+        let (_, statistics) = renderer.draw(0, &mut |_| {})?;
+        self.repeat(statistics.samples, || {
+            let (_, statistics) = renderer.draw(0, &mut |_| {})?;
+            let march = statistics.gpu_ms.iter().filter(|time| time.pass != "upload");
+            Ok(march.map(|time| time.ms).sum())
+        })
+    }
+
+    /// Runs once to warm up (drivers compile at the first dispatch), then measures; `run` returns the
+    /// device's milliseconds.
+    fn repeat(&self, samples: u64, mut run: impl FnMut() -> Result<f64>) -> Result<Vec<f64>> {
+        run()?;
+        let processor = self.counts_processor();
+        let mut ns = Vec::new();
+        for _ in 0..self.effort.repeats {
+            let clock = Clock::start();
+            let device_ms = run()?;
+            let elapsed = clock.elapsed();
+            let spent = match elapsed.cpu_ns {
+                Some(cpu_ns) if processor => cpu_ns,
+                _ => device_ms * 1e6,
+            };
+            ns.push(spent / samples as f64);
+        }
+        Ok(ns)
+    }
+}
+
+const CASTER_SCENE: &str = r#"
+format = 1
+[quality]
+early_stop = 0.0
+[memory]
+atlas_mib = 4096
+[[volume]]
+source = { computed = "constant", size = [1, 1, 1] }
+[[volume.channel]]
+window = [0.0, 255.0]
+transfer = [
+  { at = 0.0, color = [0.2, 0.2, 0.3], extinction = 0.0 },
+  { at = 0.3, color = [0.3, 0.5, 0.3], extinction = 0.1 },
+  { at = 0.5, color = [0.6, 0.4, 0.2], extinction = 0.0 },
+  { at = 0.8, color = [0.8, 0.7, 0.5], extinction = 0.3 },
+  { at = 1.0, color = [1.0, 1.0, 1.0], extinction = 0.5 },
+]
+[[view]]
+eye = [0.5, 0.42, -4.0]
+target = [0.5, 0.5, 0.5]
+up = [0.0, 1.0, 0.0]
+height = 0.9
+"#;
+
+/// Greatest error of a device's filter against f64 arithmetic, as a part of the value range.
+///
+/// Positions are multiples of 1/512 voxel, which every step of a sampler's arithmetic holds exactly,
+/// so that what differs is the filter itself.
+fn filter_error(
+    gpu: &Arc<Gpu>,
+    compiler: &ShaderCompiler,
+    probed: (&Image, &Sampler),
+    filter: FilterShape,
+    voxels: &Voxels,
+    texel: &TexelLayout,
+) -> Result<f64> {
+    const LINES: u32 = 64;
+    let edge = probed.0.spec().size[0] - 2;
+    let pipeline = ComputePipeline::new(
+        gpu,
+        compiler.compile(&probe::variant(ProbeShape::Filtered(filter)))?,
+    )?;
+    let sums = Buffer::new(gpu, &sums_spec(LINES))?;
+    let part = |numerator: f32| numerator / 512.0;
+    let push = Push {
+        origin_voxel: [part(3.0), part(7.0), part(1.0)],
+        lines_across: LINES,
+        column_voxel: [part(101.0), part(13.0), part(27.0)],
+        lines_down: LINES,
+        row_voxel: [part(23.0), part(113.0), part(91.0)],
+        samples: 1,
+        step_voxel: [0.0; 3],
+    };
+    let mut recorder = Recorder::new(gpu, RoleKind::Render, None);
+    probe::record(&mut recorder, &pipeline, Some(probed), &sums, &push);
+    gpu.wait(recorder.submit(&[])?.point)?;
+    let mut values = vec![0.0f32; (LINES * LINES) as usize];
+    sums.read(0, bytemuck::cast_slice_mut(&mut values))?;
+    let range = voxels.range();
+    let mut worst = 0.0f64;
+    for (index, value) in values.iter().enumerate() {
+        let (x, y) = (index as u32 % LINES, index as u32 / LINES);
+        let position: [f64; 3] = std::array::from_fn(|axis| {
+            f64::from(push.origin_voxel[axis])
+                + f64::from(x) * f64::from(push.column_voxel[axis])
+                + f64::from(y) * f64::from(push.row_voxel[axis])
+        });
+        let stored = f64::from(*value) * texel.scale + texel.offset;
+        let exact = trilinear(voxels, edge, position);
+        worst = worst.max((stored - exact).abs());
+    }
+    Ok(worst / f64::from(range.greatest - range.least))
+}
+
+/// In f64, edge voxels repeated.
+fn trilinear(voxels: &Voxels, edge: u32, position_voxel: [f64; 3]) -> f64 {
+    let mut sum = 0.0;
+    for corner in 0..8 {
+        let mut weight = 1.0;
+        let mut at = [0u32; 3];
+        for axis in 0..3 {
+            let cell = position_voxel[axis].floor();
+            let within = position_voxel[axis] - cell;
+            let far = corner >> axis & 1 == 1;
+            weight *= if far { within } else { 1.0 - within };
+            at[axis] = (cell + f64::from(u8::from(far))).clamp(0.0, f64::from(edge - 1)) as u32;
+        }
+        sum += weight * f64::from(voxels.value(Size3::cube(edge).index(at[0], at[1], at[2])));
+    }
+    sum
+}
+
+/// Hashed noise over the format's whole range; f32 in 0 to 1.
+fn noise(format: VoxelFormat, edge: u32) -> Voxels {
+    let count = Size3::cube(edge).len().unwrap_or(0) as u32;
+    let hash = |index: u32| {
+        let mixed = (index ^ (index >> 16)).wrapping_mul(0x7feb_352d);
+        (mixed ^ (mixed >> 15)).wrapping_mul(0x846c_a68b) >> 8
+    };
+    match format {
+        VoxelFormat::U16 => Voxels::U16((0..count).map(|i| hash(i) as u16).collect()),
+        VoxelFormat::F32 => {
+            Voxels::F32((0..count).map(|i| hash(i) as f32 / 16_777_216.0).collect())
+        }
+        _ => Voxels::U8((0..count).map(|i| hash(i) as u8).collect()),
+    }
+}
+
+fn filled_image(gpu: &Arc<Gpu>, voxels: &Voxels, edge: u32, texel: &TexelLayout) -> Result<Image> {
+    let size = [edge + 2; 3];
+    let image = Image::new(gpu, &ImageSpec { name: "probed", size, format: texel.format })?;
+    let slice = u64::from(size[0]) * u64::from(size[1]) * texel.format.bytes();
+    let mut staging = Staging::new(gpu, slice.max(4 << 20))?;
+    upload(&mut staging, &image, voxels, Size3::cube(edge), texel)?;
+    staging.finish()?;
+    Ok(image)
+}
+
+fn sums_spec(lines: u32) -> BufferSpec {
+    let bytes = u64::from(lines) * u64::from(lines) * size_of::<f32>() as u64;
+    BufferSpec { name: "sums", bytes, home: MemoryHome::Readback }
+}

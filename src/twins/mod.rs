@@ -1,0 +1,16 @@
+//! Twins: for each shader a file of the same name with the same arithmetic, as plain functions of
+//! slices, overflow and absence included. Also the structs that host and shaders share.
+//!
+//! A twin is compared with its shader number by number; it is no reference: what both get wrong, only
+//! `reference/` can tell.
+
+pub mod exponential;
+pub mod filter;
+pub mod fixed_point;
+pub mod limits;
+pub mod march;
+pub mod probe;
+pub mod ray;
+pub mod rays;
+pub mod resolve;
+pub mod transfer;
