@@ -24,6 +24,7 @@ mod raw;
 mod reduce;
 mod sample;
 mod slices;
+mod stored;
 mod stream;
 mod text;
 mod whole;
@@ -31,6 +32,7 @@ mod whole;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::store::Store;
 use crate::volume::{RawLayout, Size3, VoxelFormat, Voxels, WorldFromVoxel};
 
 pub use pipeline::{Progress, Settings, Summary, import, import_from};
@@ -128,6 +130,9 @@ impl Default for SegyFields {
 /// # Errors
 /// When the file cannot be read, its format is unknown, or its header cannot be true.
 pub fn open(path: &Path, options: &Options) -> Result<Box<dyn Input>> {
+    if Store::is_store(path) {
+        return stored::open(path, options);
+    }
     let placed = |why: Error| why.at(path.display());
     let input = recognise(path, options).map_err(placed)?;
     let mut header = input.header().clone();
