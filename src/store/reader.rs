@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use crate::error::{Error, Result};
 use crate::source::{BrickEntry, BrickSource, Description};
@@ -25,6 +26,8 @@ pub struct Store {
     index_place: u64,
     description_place: u64,
     pages: PageCache,
+    /// Packed bricks of reads that have ended, one per reader at most: their memory is used again.
+    scratch: Mutex<Vec<Vec<u8>>>,
 }
 
 impl Store {
@@ -115,6 +118,7 @@ impl Store {
             index_place,
             description_place,
             pages: PageCache::new(),
+            scratch: Mutex::new(Vec::new()),
         })
     }
 
@@ -194,7 +198,6 @@ impl Store {
     pub(crate) fn read_entry(&self, id: BrickId, entry: Entry, out: &mut Vec<u8>) -> Result<()> {
         let wanted = self.description.brick_bytes(id);
         let format = self.description.channels[usize::from(id.channel)].format;
-        out.clear();
         let read = |len: usize, out: &mut Vec<u8>| {
             out.resize(len, 0);
             self.file
@@ -208,11 +211,13 @@ impl Store {
         };
         match entry.kind {
             Kind::Absent => {
+                out.clear();
                 let absent = Voxels::F32(vec![f32::NAN]);
                 out.extend(absent.bytes().iter().cycle().take(wanted));
             }
             Kind::Constant => {
                 let voxel = (entry.place as u32).to_le_bytes();
+                out.clear();
                 out.resize(wanted, voxel[0]);
                 if format.bytes() > 1 {
                     out.chunks_exact_mut(format.bytes())
@@ -221,13 +226,18 @@ impl Store {
             }
             Kind::Raw => read(wanted, out)?,
             Kind::Lz4 => {
-                let mut packed = Vec::new();
-                read(entry.stored_bytes as usize, &mut packed)?;
-                out.resize(wanted, 0);
-                let got = lz4_flex::block::decompress_into(&packed, out);
-                if got.ok() != Some(wanted) {
-                    return Err(self.damaged(id, "is damaged: its LZ4 block does not fit"));
-                }
+                let scratch = || self.scratch.lock().expect("no panic holds it");
+                let mut packed = scratch().pop().unwrap_or_default();
+                let result = read(entry.stored_bytes as usize, &mut packed).and_then(|()| {
+                    // Every byte is written or the brick refused, so what stood here does not matter.
+                    out.resize(wanted, 0);
+                    match lz4_flex::block::decompress_into(&packed, out) {
+                        Ok(len) if len == wanted => Ok(()),
+                        _ => Err(self.damaged(id, "is damaged: its LZ4 block does not fit")),
+                    }
+                });
+                scratch().push(packed);
+                result?;
             }
         }
         Ok(())
