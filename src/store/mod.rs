@@ -6,6 +6,7 @@
 mod describe;
 mod encode;
 mod entry;
+mod flusher;
 mod index;
 pub mod layout;
 mod numbering;

@@ -13,6 +13,7 @@ use crate::error::{Error, Result};
 use crate::source::Description;
 use crate::store::encode::Encoded;
 use crate::store::entry::Kind;
+use crate::store::flusher::Flusher;
 use crate::store::index::Index;
 use crate::store::layout::{
     DESCRIPTION_BYTES_MAX, END_MAGIC, MAGIC, VERSION, checksum, entry, header, trailer,
@@ -32,6 +33,7 @@ pub struct Writer {
     index: Index,
     /// Where the next brick goes.
     place: u64,
+    flusher: Flusher,
 }
 
 impl Writer {
@@ -49,6 +51,7 @@ impl Writer {
         })()
         .map_err(|why| disk_error(target, &why))?;
         PARTIAL_FILES.lock().expect("no panic holds it").push(partial.clone());
+        let flusher = Flusher::start(&file);
         // From here on drop removes the temporary file.
         let mut writer = Writer {
             file,
@@ -57,6 +60,7 @@ impl Writer {
             numbering: numbering.clone(),
             index: Index::Memory(Vec::new()),
             place: header::BYTES as u64,
+            flusher,
         };
         writer.index = Index::new(numbering.count(), target).map_err(|why| writer.failed(&why))?;
         Ok(writer)
@@ -85,6 +89,7 @@ impl Writer {
             .and_then(|()| self.index.set(number, &entries))
             .map_err(|why| self.failed(&why))?;
         self.place += encoded.bytes.len() as u64;
+        self.flusher.written(encoded.bytes.len());
         if self.place >= 1 << (8 * entry::PLACE.bytes) {
             return Err(Error::machine(format!(
                 "{}: a store holds at most 256 TiB of bricks; import a part",
@@ -99,12 +104,15 @@ impl Writer {
     ///
     /// # Errors
     /// When the disk does not take them (exit code 4), or the texts are too long.
-    pub fn finish(self, description: &Description) -> Result<u64> {
+    pub fn finish(mut self, description: &Description) -> Result<u64> {
         let description = describe::to_bytes(description);
         if description.len() as u64 > DESCRIPTION_BYTES_MAX {
             return Err(Error::input("name and provenance are longer than 16 MiB; shorten them"));
         }
-        self.finish_with(&description).map_err(|why| self.failed(&why))
+        self.flusher
+            .end()
+            .and_then(|()| self.finish_with(&description))
+            .map_err(|why| self.failed(&why))
     }
 
     fn finish_with(&self, description: &[u8]) -> io::Result<u64> {
