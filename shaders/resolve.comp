@@ -10,7 +10,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "common/limits.glsl"
 #include "common/ray.glsl"
-#include "common/exponential.glsl"
+#include "common/ray_resolve.glsl"
 
 layout(local_size_x = GROUP_WIDTH, local_size_y = GROUP_HEIGHT) in;
 
@@ -24,26 +24,17 @@ layout(push_constant) uniform Push {
     uvec2 tile_size_pixel;
 } push;
 
-shared uint group_samples;
-
 void main() {
-    if (gl_LocalInvocationIndex == 0u) {
-        group_samples = 0u;
-    }
-    barrier();
     uvec2 pixel = gl_GlobalInvocationID.xy;
-    if (all(lessThan(pixel, push.tile_size_pixel))) {
-        uint ray = pixel.y * push.tile_size_pixel.x + pixel.x;
-        RayState state = state_of_ray[ray];
-        Attenuation attenuation = attenuate(state.optical_depth);
-        pixels[ray] = vec4(state.color + attenuation.transmitted * push.background, attenuation.absorbed);
-        atomicAdd(group_samples, state.samples_taken);
+    if (any(greaterThanEqual(pixel, push.tile_size_pixel))) {
+        return;
     }
-    barrier();
-    if (gl_LocalInvocationIndex == 0u) {
-        uint before = atomicAdd(samples_low, group_samples);
-        if (before + group_samples < before) {
-            atomicAdd(samples_high, 1u);
-        }
+    uint ray = pixel.y * push.tile_size_pixel.x + pixel.x;
+    RayState state = state_of_ray[ray];
+    pixels[ray] = resolve_ray(state, push.background);
+    // No sum over the workgroup first: where the CPU computes, a barrier costs more than it saves.
+    uint before = atomicAdd(samples_low, state.samples_taken);
+    if (before + state.samples_taken < before) {
+        atomicAdd(samples_high, 1u);
     }
 }

@@ -63,8 +63,16 @@ impl Error {
 }
 
 impl fmt::Display for Error {
+    /// One line, whatever names and paths it holds.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.message)
+        for c in self.message.chars() {
+            if c.is_control() {
+                write!(f, "{}", c.escape_default())?
+            } else {
+                fmt::Write::write_char(f, c)?
+            }
+        }
+        Ok(())
     }
 }
 

@@ -319,6 +319,7 @@ impl Input for OneRun {
 fn import_one_run(voxels: &Voxels, absent_voxels: u64, target: &Path) -> Result<Summary> {
     let open = || {
         let header = Header {
+            path: "memory".into(),
             size: Size3::new(4, 4, 6),
             channels: 1,
             times: 1,

@@ -8,11 +8,10 @@
 mod truth;
 
 use ashfall::reference::{Settings, render};
-use ashfall::scene::{Overrides, Scene, TransferFunction};
+use ashfall::scene::{Overrides, Scene};
 use ashfall::source::computed;
 use ashfall::study::error_metrics::picture_error_f64;
 use ashfall::volume::{Size3, VolumeVoxels, Voxels};
-use glam::DVec3;
 use rayon::prelude::*;
 
 /// Where samples lie and how one is weighed.
@@ -52,42 +51,6 @@ const CONVENTIONS: [Convention; 4] = [
     },
 ];
 
-/// Colour and extinction of a windowed value, by a plain search.
-fn classified(transfer: &TransferFunction, unit: f64) -> ([f64; 3], f64) {
-    let points = transfer.points();
-    let after = points.iter().take_while(|point| point.at <= unit).count();
-    if after == 0 || after == points.len() {
-        let point = points[after.saturating_sub(1)];
-        return (point.color, point.extinction);
-    }
-    let (p, q) = (points[after - 1], points[after]);
-    let part = (unit - p.at) / (q.at - p.at);
-    let mix = |a: f64, b: f64| a + (b - a) * part;
-    let color = [0, 1, 2].map(|c| mix(p.color[c], q.color[c]));
-    (color, mix(p.extinction, q.extinction))
-}
-
-/// The trilinear value at a position in voxels.
-fn sampled(voxels: &VolumeVoxels, position: DVec3) -> f64 {
-    let size = voxels.size.to_array();
-    let mut value = 0.0;
-    for corner in 0..8 {
-        let mut weight = 1.0;
-        let mut voxel = [0; 3];
-        for axis in 0..3 {
-            let place = position[axis] - 0.5;
-            let (below, fraction) = (place.floor(), place - place.floor());
-            let is_upper = corner >> axis & 1 == 1;
-            weight *= if is_upper { fraction } else { 1.0 - fraction };
-            let index = below as i64 + i64::from(is_upper);
-            voxel[axis] = index.clamp(0, i64::from(size[axis]) - 1) as u32;
-        }
-        let index = voxels.size.index(voxel[0], voxel[1], voxel[2]);
-        value += weight * f64::from(voxels.channels[0].voxels.value(index));
-    }
-    value
-}
-
 fn picture(
     scene: &Scene,
     voxels: &VolumeVoxels,
@@ -126,8 +89,8 @@ fn picture(
                 (i as f64 * equal, equal)
             };
             let at = enter + (start + 0.5 * width) / per_parameter;
-            let unit = (sampled(voxels, origin + direction * at) - low) / (high - low);
-            let (rgb, extinction) = classified(&channel.transfer, unit.clamp(0.0, 1.0));
+            let unit = (truth::sampled(voxels, 0, origin + direction * at) - low) / (high - low);
+            let (rgb, extinction) = truth::classified(&channel.transfer, unit.clamp(0.0, 1.0));
             let depth = extinction * width;
             let weight = if convention.is_exponential { -(-depth).exp_m1() } else { depth };
             for c in 0..3 {

@@ -23,10 +23,10 @@ pub struct Arguments {
     /// What it is compared with (.exr).
     reference: PathBuf,
     /// Agree from this many dB on.
-    #[arg(long, value_name = "DB")]
+    #[arg(long, value_name = "DB", allow_hyphen_values = true)]
     psnr: Option<f64>,
     /// Agree when no component differs by more than this.
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", allow_hyphen_values = true)]
     max_difference: Option<f64>,
     /// Write the absolute difference, scaled to the greatest, as a picture (.png or .exr).
     #[arg(long, value_name = "FILE")]
@@ -52,6 +52,15 @@ struct Report {
 
 /// Compares and judges.
 pub fn run(arguments: &Arguments) -> Result<()> {
+    for (flag, value) in
+        [("--psnr", arguments.psnr), ("--max-difference", arguments.max_difference)]
+    {
+        if let Some(value) = value.filter(|value| value.is_nan() || *value < 0.0) {
+            return Err(Error::arguments(format!(
+                "{flag}: must be a number that is not negative, got {value}"
+            )));
+        }
+    }
     if let Some(difference) = &arguments.difference {
         check_output(difference)?;
     }

@@ -7,7 +7,7 @@ use crate::import;
 use crate::render::SceneData;
 use crate::scene::{Overrides, Scene, Source, Volume};
 use crate::source::computed;
-use crate::volume::{VolumeVoxels, WorldFromVoxel};
+use crate::volume::{Size3, VolumeVoxels, VoxelFormat, WorldFromVoxel};
 
 /// Reads the scene and all voxels that it shows into memory.
 ///
@@ -50,6 +50,8 @@ fn load_volume(volume: &Volume, scene: &Scene) -> Result<VolumeVoxels> {
                     "channel index {beyond} is not in the file, which has {in_file} channel(s), counted from 0"
                 ))));
             }
+            let (size, format) = (input.header().size, input.header().format);
+            check_memory(size, format, indices.len(), scene).map_err(at_place)?;
             let mut voxels =
                 import::read_whole(&mut *input, &indices, bytes_max).map_err(at_place)?;
             if let Some(world_from_voxel) = volume.world_from_voxel {
@@ -59,22 +61,22 @@ fn load_volume(volume: &Volume, scene: &Scene) -> Result<VolumeVoxels> {
         }
         Source::Computed { kind, size } => {
             let field = computed(kind, *size).map_err(at_place)?;
-            let bytes = size.voxel_count() * field.format().bytes() as u128;
-            if bytes > u128::from(bytes_max) {
-                return Err(at_place(Error::input(format!(
-                    "{size} voxels take {} MiB of memory, but ram_mib is {}: lower size or raise --ram-mib (paging is not built yet)",
-                    bytes.div_ceil(1 << 20),
-                    scene.memory.ram_mib
-                ))));
-            }
-            if let Some(channel) = volume.channels.iter().find(|channel| channel.index > 0) {
-                return Err(at_place(Error::input(format!(
-                    "channel index {} is not there: a computed source has one channel, index 0",
-                    channel.index
-                ))));
-            }
+            check_memory(*size, field.format(), 1, scene).map_err(at_place)?;
             let unit = WorldFromVoxel::from_spacing([1.0; 3]).map_err(at_place)?;
             field.whole(volume.world_from_voxel.unwrap_or(unit)).map_err(at_place)
         }
     }
+}
+
+/// Refuses, before anything is allocated, voxels that `ram_mib` does not allow.
+fn check_memory(size: Size3, format: VoxelFormat, channels: usize, scene: &Scene) -> Result<()> {
+    let bytes = size.voxel_count() * format.bytes() as u128 * channels as u128;
+    if bytes <= u128::from(scene.memory.ram_mib) << 20 {
+        return Ok(());
+    }
+    Err(Error::input(format!(
+        "{size} voxels of {format} take {} MiB of memory, but ram_mib is {}: lower size or raise --ram-mib (paging is not built yet)",
+        bytes.div_ceil(1 << 20),
+        scene.memory.ram_mib
+    )))
 }

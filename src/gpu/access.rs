@@ -9,6 +9,8 @@ use ash::vk;
 pub enum Access {
     /// Storage read in a compute shader.
     ShaderRead,
+    /// Uniform read in a compute shader.
+    UniformRead,
     /// Storage write in a compute shader; earlier contents do not matter.
     ShaderWrite,
     /// Storage read and write in a compute shader.
@@ -32,6 +34,7 @@ impl Access {
     pub(crate) const fn stage(self) -> vk::PipelineStageFlags2 {
         match self {
             Access::ShaderRead
+            | Access::UniformRead
             | Access::ShaderWrite
             | Access::ShaderUpdate
             | Access::ShaderSample => vk::PipelineStageFlags2::COMPUTE_SHADER,
@@ -43,6 +46,7 @@ impl Access {
     pub(crate) fn mask(self) -> vk::AccessFlags2 {
         match self {
             Access::ShaderRead => vk::AccessFlags2::SHADER_STORAGE_READ,
+            Access::UniformRead => vk::AccessFlags2::UNIFORM_READ,
             Access::ShaderWrite => vk::AccessFlags2::SHADER_STORAGE_WRITE,
             Access::ShaderUpdate => {
                 vk::AccessFlags2::SHADER_STORAGE_READ | vk::AccessFlags2::SHADER_STORAGE_WRITE

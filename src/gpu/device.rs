@@ -61,6 +61,8 @@ pub struct DeviceFacts {
     pub queues: Vec<QueueFacts>,
     /// Edge of the largest 3D image, in texels.
     pub image_3d_edge_max: u32,
+    /// Bytes of the largest uniform buffer binding.
+    pub uniform_bytes_max: u64,
     /// Bytes of the largest storage buffer binding.
     pub storage_bytes_max: u64,
     /// Bytes of its largest device-local heap.
@@ -410,6 +412,7 @@ fn facts_of(instance: &Instance, index: usize, device: vk::PhysicalDevice) -> De
             })
             .collect(),
         image_3d_edge_max: core.limits.max_image_dimension3_d,
+        uniform_bytes_max: u64::from(core.limits.max_uniform_buffer_range),
         storage_bytes_max: u64::from(core.limits.max_storage_buffer_range),
         heap_bytes: memory.memory_heaps[..memory.memory_heap_count as usize]
             .iter()

@@ -193,6 +193,8 @@ fn messenger_info(messages: &Arc<Messages>) -> vk::DebugUtilsMessengerCreateInfo
 /// role while the other reads it, so it has no moment to change its layout.
 const LAYOUT_ADVICE: &str = "UNASSIGNED-CoreValidation-DrawState-InvalidImageLayout";
 
+/// # Safety
+/// Vulkan alone calls it, with the user data given to the messenger.
 unsafe extern "system" fn keep_message(
     _severity: vk::DebugUtilsMessageSeverityFlagsEXT,
     kind: vk::DebugUtilsMessageTypeFlagsEXT,

@@ -35,7 +35,7 @@ pub use device::{DeviceFacts, DeviceRequest, Gpu, QueueFacts};
 pub use instance::{Instance, Message, Validation};
 pub use memory::{Ledger, LedgerEntry, MemoryHome};
 pub use pipeline::{ComputePipeline, ObjectsOfPipeline};
-pub use recorder::{Record, Recorder, StepKind, StepRecord, Submitted};
+pub use recorder::{Dispatch, Record, Recorder, StepKind, StepRecord, Submitted};
 pub use reflection::{Binding, BindingKind, Member, Reflection};
 pub use resources::{Buffer, BufferSpec, Image, ImageFormat, ImageSpec, Sampler, SamplerFilter};
 pub use roles::{RoleKind, TimePoint};

@@ -183,12 +183,15 @@ impl ComputePipeline {
             let of_kind = self.reflection.bindings.iter().map(|b| descriptor_type(b.kind));
             of_kind.filter(|(kind, _)| *kind == wanted).map(|(_, count)| count).sum()
         };
-        let sizes: Vec<_> =
-            [vk::DescriptorType::STORAGE_BUFFER, vk::DescriptorType::COMBINED_IMAGE_SAMPLER]
-                .into_iter()
-                .map(|ty| vk::DescriptorPoolSize { ty, descriptor_count: count(ty) })
-                .filter(|size| size.descriptor_count > 0)
-                .collect();
+        let sizes: Vec<_> = [
+            vk::DescriptorType::STORAGE_BUFFER,
+            vk::DescriptorType::UNIFORM_BUFFER,
+            vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
+        ]
+        .into_iter()
+        .map(|ty| vk::DescriptorPoolSize { ty, descriptor_count: count(ty) })
+        .filter(|size| size.descriptor_count > 0)
+        .collect();
         let info = vk::DescriptorPoolCreateInfo::builder().max_sets(1).pool_sizes(&sizes);
         // SAFETY: `sizes` lives until the call returns.
         let pool = unsafe { device.create_descriptor_pool(&info, None) }
@@ -257,6 +260,7 @@ impl Drop for ComputePipeline {
 fn descriptor_type(kind: BindingKind) -> (vk::DescriptorType, u32) {
     match kind {
         BindingKind::StorageBuffer { .. } => (vk::DescriptorType::STORAGE_BUFFER, 1),
+        BindingKind::UniformBuffer => (vk::DescriptorType::UNIFORM_BUFFER, 1),
         BindingKind::SampledImage { count } => (vk::DescriptorType::COMBINED_IMAGE_SAMPLER, count),
     }
 }

@@ -250,6 +250,12 @@ impl<'r> Dispatch<'_, 'r> {
         self.buffer(name, buffer, Access::ShaderRead)
     }
 
+    /// The shader reads this uniform buffer.
+    #[must_use]
+    pub fn uniform(self, name: &str, buffer: &'r Buffer) -> Self {
+        self.buffer(name, buffer, Access::UniformRead)
+    }
+
     /// The shader writes this buffer and does not need what it held.
     #[must_use]
     pub fn write(self, name: &str, buffer: &'r Buffer) -> Self {
@@ -313,7 +319,7 @@ impl<'r> Dispatch<'_, 'r> {
             };
             let (_, descriptors) = named.swap_remove(at);
             let fits = match binding.kind {
-                BindingKind::StorageBuffer { .. } => {
+                BindingKind::StorageBuffer { .. } | BindingKind::UniformBuffer => {
                     matches!(descriptors[..], [Descriptor::Buffer { .. }])
                 }
                 BindingKind::SampledImage { count } => {
@@ -343,10 +349,12 @@ impl<'r> Dispatch<'_, 'r> {
             self.pipeline.reflection().bindings.iter().find(|binding| binding.name == name)
         {
             let declared = match binding.kind {
-                BindingKind::StorageBuffer { reads, writes } => (reads, writes),
+                BindingKind::StorageBuffer { reads, writes } => (reads, writes, false),
+                BindingKind::UniformBuffer => (true, false, true),
                 BindingKind::SampledImage { .. } => misuse(format_args!("{name} is an image")),
             };
-            let meant = (access != Access::ShaderWrite, access.writes());
+            let uniform = access == Access::UniformRead;
+            let meant = (access != Access::ShaderWrite, access.writes(), uniform);
             if declared != meant {
                 misuse(format_args!(
                     "{}: {name} is bound as {access:?}, but the shader reads: {}, writes: {}",

@@ -1,7 +1,9 @@
 //! What a SPIR-V module says of itself: bindings by name, push constants, workgroup, size.
 
+use std::collections::HashMap;
+
 use spirq::ReflectConfig;
-use spirq::ty::{AccessType, DescriptorType, Type};
+use spirq::ty::{AccessType, DescriptorType, SpirvType, Type};
 use spirq::var::Variable;
 
 /// One resource that a shader binds.
@@ -27,6 +29,8 @@ pub enum BindingKind {
         /// Not declared `readonly`.
         writes: bool,
     },
+    /// A uniform buffer: read alike by every thread.
+    UniformBuffer,
     /// Images with their samplers.
     SampledImage {
         /// Elements of the array; 1 for a single image.
@@ -37,12 +41,14 @@ pub enum BindingKind {
 /// A member of a struct that host and shader share.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Member {
-    /// Its GLSL name, with a dot for nested structs.
+    /// Its GLSL name, with a dot for nested structs, and [] for arrays, whose element's members follow.
     pub name: String,
-    /// Byte offset from the struct's start.
+    /// Byte offset from the start of the struct, or of the array's element.
     pub offset: usize,
-    /// Bytes; 0 for a runtime array, whose elements follow.
+    /// Bytes; 0 for a runtime array.
     pub bytes: usize,
+    /// Bytes from one element to the next; 0 for what is no array.
+    pub stride: usize,
 }
 
 /// See the module.
@@ -113,6 +119,10 @@ fn binding_of(
             let kind = BindingKind::StorageBuffer { reads: !write_only, writes: !read_only };
             (block.name.clone().or(name), kind)
         }
+        (DescriptorType::UniformBuffer(), Type::Struct(block)) => {
+            members_of(ty, "", 0, &mut members);
+            (block.name.clone().or(name), BindingKind::UniformBuffer)
+        }
         (DescriptorType::CombinedImageSampler(), _) => {
             (name, BindingKind::SampledImage { count: count.max(1) })
         }
@@ -123,27 +133,23 @@ fn binding_of(
 }
 
 fn members_of(ty: &Type, prefix: &str, base: usize, members: &mut Vec<Member>) {
-    match ty {
-        Type::Struct(block) => {
-            for member in &block.members {
-                let name = member.name.as_deref().unwrap_or("?");
-                let name =
-                    if prefix.is_empty() { name.to_owned() } else { format!("{prefix}.{name}") };
-                let offset = base + member.offset.unwrap_or(0);
-                match &member.ty {
-                    Type::Struct(_) => members_of(&member.ty, &name, offset, members),
-                    Type::Array(array) if array.nelement.is_none() => {
-                        members.push(Member { name: format!("{name}[]"), offset, bytes: 0 });
-                        members_of(&array.element_ty, "", 0, members);
-                    }
-                    other => {
-                        let bytes = other.nbyte().unwrap_or(0);
-                        members.push(Member { name, offset, bytes });
-                    }
-                }
+    let Type::Struct(block) = ty else { return };
+    for member in &block.members {
+        let name = member.name.as_deref().unwrap_or("?");
+        let name = if prefix.is_empty() { name.to_owned() } else { format!("{prefix}.{name}") };
+        let offset = base + member.offset.unwrap_or(0);
+        match &member.ty {
+            Type::Struct(_) => members_of(&member.ty, &name, offset, members),
+            Type::Array(array) => {
+                let (bytes, stride) = (array.nbyte().unwrap_or(0), array.stride.unwrap_or(0));
+                members.push(Member { name: format!("{name}[]"), offset, bytes, stride });
+                members_of(&array.element_ty, "", 0, members);
+            }
+            other => {
+                let bytes = other.nbyte().unwrap_or(0);
+                members.push(Member { name, offset, bytes, stride: 0 });
             }
         }
-        _ => {}
     }
 }
 
@@ -152,6 +158,10 @@ fn scan(spirv: &[u32]) -> Result<([u32; 3], u32), String> {
     const MAGIC: u32 = 0x0723_0203;
     const OP_EXECUTION_MODE: u32 = 16;
     const MODE_LOCAL_SIZE: u32 = 17;
+    // SPIR-V 1.6 names constants, defined further on, where older versions give numbers.
+    const OP_EXECUTION_MODE_ID: u32 = 331;
+    const MODE_LOCAL_SIZE_ID: u32 = 38;
+    const OP_CONSTANT: u32 = 43;
     const OP_FUNCTION: u32 = 54;
     const OP_FUNCTION_END: u32 = 56;
     const OP_LINE: u32 = 8;
@@ -159,7 +169,9 @@ fn scan(spirv: &[u32]) -> Result<([u32; 3], u32), String> {
     if spirv.first() != Some(&MAGIC) || spirv.len() < 5 {
         return Err("not a SPIR-V module".to_owned());
     }
-    let mut workgroup = [1; 3];
+    let mut workgroup = None;
+    let mut workgroup_ids = None;
+    let mut constants = HashMap::new();
     let mut instructions = 0;
     let mut inside = false;
     let mut at = 5;
@@ -170,7 +182,15 @@ fn scan(spirv: &[u32]) -> Result<([u32; 3], u32), String> {
         };
         match spirv[at] & 0xffff {
             OP_EXECUTION_MODE if instruction.get(2) == Some(&MODE_LOCAL_SIZE) && words == 6 => {
-                workgroup = [instruction[3], instruction[4], instruction[5]];
+                workgroup = Some([instruction[3], instruction[4], instruction[5]]);
+            }
+            OP_EXECUTION_MODE_ID
+                if instruction.get(2) == Some(&MODE_LOCAL_SIZE_ID) && words == 6 =>
+            {
+                workgroup_ids = Some([instruction[3], instruction[4], instruction[5]]);
+            }
+            OP_CONSTANT if !inside && words == 4 => {
+                constants.insert(instruction[2], instruction[3]);
             }
             OP_FUNCTION => {
                 inside = true;
@@ -186,5 +206,10 @@ fn scan(spirv: &[u32]) -> Result<([u32; 3], u32), String> {
         }
         at += words;
     }
+    if let Some(ids) = workgroup_ids {
+        let [x, y, z] = ids.map(|id| constants.get(&id).copied());
+        workgroup = x.zip(y).zip(z).map(|((x, y), z)| [x, y, z]);
+    }
+    let workgroup = workgroup.ok_or("the SPIR-V module does not say its workgroup's size")?;
     Ok((workgroup, instructions))
 }

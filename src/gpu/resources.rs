@@ -121,6 +121,7 @@ impl Buffer {
     fn info<'a>(spec: &BufferSpec, families: &'a [u32]) -> vk::BufferCreateInfoBuilder<'a> {
         let info = vk::BufferCreateInfo::builder().size(spec.bytes).usage(
             vk::BufferUsageFlags::STORAGE_BUFFER
+                | vk::BufferUsageFlags::UNIFORM_BUFFER
                 | vk::BufferUsageFlags::TRANSFER_SRC
                 | vk::BufferUsageFlags::TRANSFER_DST,
         );

@@ -151,12 +151,13 @@ impl Blocks {
     }
 
     fn advance(&mut self, counts: &[u64]) {
-        for index in self.split..self.at.len() {
-            self.at[index] += counts[index];
-            if self.at[index] < self.layout.axes[index].1 {
+        let axes = self.at.iter_mut().zip(counts).zip(&self.layout.axes);
+        for ((at, count), (_, len)) in axes.skip(self.split) {
+            *at += count;
+            if *at < *len {
                 return;
             }
-            self.at[index] = 0;
+            *at = 0;
         }
         self.done = true;
     }

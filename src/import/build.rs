@@ -14,8 +14,7 @@ use crate::import::pipeline::{Progress, voxel_bytes};
 use crate::import::slices::Budget;
 use crate::source::Description;
 use crate::store::{Encoded, disk_error};
-use crate::volume::BrickId;
-use crate::with_voxel_type;
+use crate::volume::{BrickId, with_voxel_type};
 
 /// A run in the kept format, and what was changed in it.
 pub type Decoded = Result<(Run, Counts)>;

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::io::{self, Read};
+use std::path::PathBuf;
 
 use crate::error::{Error, Result};
 use crate::import::blocks::{Axis, Blocks, Layout, Target};
@@ -44,6 +45,8 @@ impl Linear {
         let format = layout.sample.delivered();
         details.notes.extend(layout.sample.note());
         let header = Header {
+            // Known to whoever opened the file.
+            path: PathBuf::new(),
             size,
             channels,
             times,

@@ -9,25 +9,34 @@
 //! Every error is one sentence behind the file's path, exit code 3. No bytes lead to a panic, and
 //! nothing larger than a run is allocated on a header's word.
 
+mod base64;
 mod blocks;
 mod build;
+mod bytes;
 mod chain;
 mod coarsen;
 mod convert;
 mod cut;
 mod level_slices;
 mod linear;
+mod metaimage;
 mod nifti;
 mod nrrd;
+mod numpy;
 mod pipeline;
 mod raw;
 mod reduce;
 mod sample;
+mod segy;
 mod slices;
 mod stored;
 mod stream;
 mod text;
+mod tiff;
+mod vti;
 mod whole;
+mod xml;
+mod zip;
 
 use std::path::{Path, PathBuf};
 
@@ -74,6 +83,8 @@ pub struct Run {
 /// What a file says about its voxels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Header {
+    /// The file, for messages.
+    pub path: PathBuf,
     /// Voxels along each axis.
     pub size: Size3,
     /// How many channels there are, at least 1.
@@ -135,19 +146,18 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn Input>> {
     }
     let placed = |why: Error| why.at(path.display());
     let input = recognise(path, options).map_err(placed)?;
-    let mut header = input.header().clone();
+    let mut header = Header { path: path.to_owned(), ..input.header().clone() };
     if let Some(spacing) = options.spacing {
         header.world_from_voxel = WorldFromVoxel::from_spacing(spacing).map_err(placed)?;
         if header.format_name != "raw" {
             header.notes.push("the spacing given replaces the file's own transform".to_owned());
         }
     }
-    Ok(Box::new(Placed { path: path.to_owned(), header, input }))
+    Ok(Box::new(Placed { header, input }))
 }
 
 /// An input whose errors name its file.
 struct Placed {
-    path: PathBuf,
     header: Header,
     input: Box<dyn Input>,
 }
@@ -158,7 +168,7 @@ impl Input for Placed {
     }
 
     fn next_run(&mut self) -> Result<Option<Run>> {
-        self.input.next_run().map_err(|why| why.at(self.path.display()))
+        self.input.next_run().map_err(|why| why.at(self.header.path.display()))
     }
 }
 
@@ -170,6 +180,24 @@ fn recognise(path: &Path, options: &Options) -> Result<Box<dyn Input>> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     if head.starts_with(b"NRRD") {
         return nrrd::open(path, options);
+    }
+    if numpy::is_array(&head) {
+        return numpy::open(path, options);
+    }
+    if head.starts_with(b"PK") {
+        return numpy::open_archive(path, options);
+    }
+    if vti::is_header(&head) {
+        return vti::open(path, options);
+    }
+    if metaimage::is_header(&head) || name.ends_with(".mhd") || name.ends_with(".mha") {
+        return metaimage::open(path, options);
+    }
+    if name.ends_with(".sgy") || name.ends_with(".segy") {
+        return segy::open(path, options);
+    }
+    if tiff::is_header(&head) {
+        return tiff::open(path, options);
     }
     if nifti::is_header(&head) || name.ends_with(".nii.gz") || name.ends_with(".nii") {
         return nifti::open(path, options);

@@ -42,6 +42,7 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn Input>> {
     ];
     let told = counts.iter().filter(|(count, _)| *count > 0);
     let header = Header {
+        path: path.to_owned(),
         size: description.size(),
         channels: description.channels.len() as u32,
         times: 1,

@@ -112,7 +112,7 @@ impl Coding {
     }
 
     /// The most bytes that one compressed byte can stand for.
-    fn expansion_max(self) -> u64 {
+    pub fn expansion_max(self) -> u64 {
         match self {
             Coding::None => 1,
             // A deflate symbol of two bits copies 258 bytes.

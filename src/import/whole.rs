@@ -15,7 +15,8 @@ pub fn read_whole(input: &mut dyn Input, channels: &[u32], bytes_max: u64) -> Re
         return Err(Error::input(format!(
             "channel {channel} is asked for, but there are {}, counted from 0",
             header.channels
-        )));
+        ))
+        .at(header.path.display()));
     }
     let bytes = header.size.voxel_count() * header.format.bytes() as u128 * channels.len() as u128;
     let len = header.size.len().filter(|_| bytes <= u128::from(bytes_max)).ok_or_else(|| {
@@ -26,6 +27,7 @@ pub fn read_whole(input: &mut dyn Input, channels: &[u32], bytes_max: u64) -> Re
             header.format,
             channels.len()
         ))
+        .at(header.path.display())
     })?;
     let mut whole: Vec<Voxels> = channels.iter().map(|_| blank(header.format, len)).collect();
     let mut delivered = 0u128;

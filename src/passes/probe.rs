@@ -1,7 +1,7 @@
 //! Samples of one image along straight lines: the price of a sample, and how precise a sampler is.
 
 use crate::gpu::{Buffer, ComputePipeline, Image, Recorder, Sampler, Variant};
-use crate::passes::march::FilterShape;
+use crate::passes::march_shape::FilterShape;
 use crate::twins::probe::Push;
 
 /// What one sample of the probe does.

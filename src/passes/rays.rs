@@ -3,9 +3,9 @@
 use crate::gpu::{Buffer, ComputePipeline, Recorder, Variant};
 use crate::twins::rays::Push;
 
-/// The only variant: every scene needs the same rays.
-pub fn variant() -> Variant {
-    Variant::plain("rays")
+/// The variant for a number of views.
+pub fn variant(views: usize) -> Variant {
+    Variant::plain("rays").define("VIEWS", views)
 }
 
 /// What the pass touches.
@@ -28,7 +28,7 @@ pub fn record<'r>(
     let [width, height] = push.tile_size_pixel;
     recorder
         .compute(pipeline)
-        .read("views", resources.views)
+        .uniform("views", resources.views)
         .write("ray_geometry", resources.ray_geometry)
         .write("ray_state", resources.ray_state)
         .push(push)

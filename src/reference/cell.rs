@@ -33,21 +33,28 @@ impl Grid {
         let offset = |axis: usize, index: i32| {
             index.clamp(0, self.size[axis] - 1) as usize * self.strides[axis]
         };
-        let [x, y, z] = [0, 1, 2].map(|a| [offset(a, cell[a]), offset(a, cell[a] + 1)]);
-        std::array::from_fn(|i| x[i & 1] + y[i >> 1 & 1] + z[i >> 2])
+        let (x, x_next) = (offset(0, cell[0]), offset(0, cell[0] + 1));
+        let (y, y_next) = (offset(1, cell[1]), offset(1, cell[1] + 1));
+        let (z, z_next) = (offset(2, cell[2]), offset(2, cell[2] + 1));
+        let [a, b, c, d] = [y + z, y_next + z, y + z_next, y_next + z_next];
+        [x + a, x_next + a, x + b, x_next + b, x + c, x_next + c, x + d, x_next + d]
     }
 }
 
 /// The stored values at the corners (of RGBA voxels: alpha).
 #[inline]
 pub fn stored(voxels: &Voxels, corners: &Corners) -> [f32; 8] {
+    // Plain loops: this is the innermost read of every ray, and array::map is not always inlined.
+    let mut values = [0.0; 8];
+    let places = values.iter_mut().zip(corners);
     match voxels {
-        Voxels::U8(v) => corners.map(|i| f32::from(v[i])),
-        Voxels::U16(v) => corners.map(|i| f32::from(v[i])),
-        Voxels::I16(v) => corners.map(|i| f32::from(v[i])),
-        Voxels::F32(v) => corners.map(|i| v[i]),
-        Voxels::Rgba8(v) => corners.map(|i| f32::from(v[i][3])),
+        Voxels::U8(v) => places.for_each(|(value, &i)| *value = f32::from(v[i])),
+        Voxels::U16(v) => places.for_each(|(value, &i)| *value = f32::from(v[i])),
+        Voxels::I16(v) => places.for_each(|(value, &i)| *value = f32::from(v[i])),
+        Voxels::F32(v) => places.for_each(|(value, &i)| *value = v[i]),
+        Voxels::Rgba8(v) => places.for_each(|(value, &i)| *value = f32::from(v[i][3])),
     }
+    values
 }
 
 /// Red, green and blue, 0 to 1, at the corners, when the voxels have any.

@@ -105,12 +105,18 @@ impl Classifier {
         ((scaled - low) / (high - low)).clamp(-UNIT_VALUE_MAX, UNIT_VALUE_MAX)
     }
 
-    /// Whether something can be seen between two stored values (in either order).
+    /// Whether something can be seen between two windowed values, in either order.
     #[inline]
-    pub fn shows(&self, stored: f32, other: f32) -> bool {
-        let (a, b) = (self.unit(stored), self.unit(other));
+    pub fn shows(&self, [a, b]: [f64; 2]) -> bool {
         let (least, most) = (a.min(b), a.max(b));
         self.visible.iter().any(|[start, end]| least <= *end && most >= *start)
+    }
+
+    /// Whether one piece ends and another begins between two windowed values, in either order.
+    #[inline]
+    pub fn crosses(&self, [a, b]: [f64; 2]) -> bool {
+        let (least, most) = (a.min(b), a.max(b));
+        self.cuts.iter().any(|cut| least <= *cut && *cut <= most)
     }
 
     /// The windowed values at which one piece ends and the next begins.

@@ -7,7 +7,9 @@ const TAIL_PART: f64 = 0.25;
 /// Optical depth of a part beyond which the rules are not even tried.
 const DEPTH_MAX: f64 = 3.0;
 /// Halvings at most: extinction times length spans fewer powers of two than this.
-const PARTS_MAX: usize = 256;
+const HALVINGS_MAX: usize = 256;
+/// Parts of one stretch at most: a bound on time where rounding stands in the tolerance's way.
+const PARTS_MAX: usize = 10_000;
 
 /// Nodes and weights of the Gauss-Legendre rules on (-1, 1) with 4 and 6 nodes.
 const FEW: [(f64, f64); 4] = [
@@ -30,8 +32,9 @@ const MORE: [(f64, f64); 6] = [
 pub struct Term {
     /// Windowed value less the anchor of its transfer function piece.
     pub unit: Cubic,
-    /// Extinction per world unit at the anchor, and its change per unit.
-    pub extinction: [f64; 2],
+    /// Extinction per world unit: as a polynomial, so that it is the derivative of the optical depth
+    /// to the last digit even where it is a small difference of steep terms.
+    pub extinction: Cubic,
     /// Colour at the anchor.
     pub color: [f64; 3],
     /// Its change per unit.
@@ -66,26 +69,29 @@ impl Sum {
 }
 
 /// A ray's colour and optical depth so far, front to back.
-#[derive(Clone, Copy, Debug)]
 pub struct Progress {
     color: [Sum; 3],
     depth: Sum,
     tolerance: f64,
     color_max: f64,
-    brightest: f64,
+    depth_opaque: f64,
+    /// Ends of the parts of a stretch that are still to be done, nearest last.
+    ends: [f64; HALVINGS_MAX],
 }
 
 impl Progress {
     /// Nothing yet. No colour of any channel is brighter than `color_max`, nor the background or
     /// alpha than `background_max`; `tolerance` is the greatest absolute error of the whole ray.
     pub fn new(tolerance: f64, color_max: f64, background_max: f64) -> Progress {
+        // Colours may be so bright that f64 cannot hold them to the tolerance.
+        let tolerance = tolerance.max(1e-14 * color_max);
         Progress {
             color: [Sum::default(); 3],
             depth: Sum::default(),
-            // Colours may be so bright that f64 cannot hold them to the tolerance.
-            tolerance: tolerance.max(1e-14 * color_max),
+            tolerance,
             color_max,
-            brightest: color_max.max(background_max),
+            depth_opaque: (color_max.max(background_max) / (TAIL_PART * tolerance)).ln(),
+            ends: [1.0; HALVINGS_MAX],
         }
     }
 
@@ -101,7 +107,7 @@ impl Progress {
 
     /// Whether nothing behind `depth` can change the pixel by its part of the tolerance.
     pub fn is_opaque_behind(&self, depth: f64) -> bool {
-        (-depth).exp() * self.brightest <= TAIL_PART * self.tolerance
+        depth >= self.depth_opaque
     }
 
     /// Adds a stretch of `length` world units.
@@ -110,15 +116,18 @@ impl Progress {
         let before = self.depth.value();
         // Parts are accepted from the front; each keeps an error in proportion to its own weight,
         // so that all errors of a ray together are at most its opacity times the tolerance.
-        let mut ends = [1.0; PARTS_MAX];
+        self.ends[0] = 1.0;
         let mut count = 1;
         let mut start = 0.0;
+        let mut parts = 0;
         while count > 0 {
-            let end = ends[count - 1];
+            parts += 1;
+            let end = self.ends[count - 1];
             let middle = 0.5 * (start + end);
             let depth_start = depth_of.at(start);
             let depth = (depth_of.at(end) - depth_start).max(0.0);
-            let may_halve = count < PARTS_MAX && middle > start && middle < end;
+            let may_halve =
+                parts < PARTS_MAX && count < HALVINGS_MAX && middle > start && middle < end;
             let color = if depth > DEPTH_MAX && may_halve {
                 None
             } else {
@@ -126,17 +135,18 @@ impl Progress {
                 let more = rule(&MORE, terms, &depth_of, start, end);
                 let difference =
                     (0..3).map(|c| (few[c] - more[c]).abs() * length).fold(0.0, f64::max);
-                let weight = -(-depth).exp_m1();
+                // Not more than 1 - exp(-depth), and cheaper.
+                let weight = depth / (1.0 + depth);
                 let allowed = self.tolerance * (0.5 * weight + 1e-6) + 1e-16 * self.color_max;
                 (difference <= allowed || !may_halve).then_some(more)
             };
             match color {
                 None => {
-                    ends[count] = middle;
+                    self.ends[count] = middle;
                     count += 1;
                 }
                 Some(color) => {
-                    let transmitted = (-(before + depth_start)).exp() * length;
+                    let transmitted = (-(before + depth_start.max(0.0))).exp() * length;
                     for (sum, value) in self.color.iter_mut().zip(color) {
                         sum.add(transmitted * value);
                     }
@@ -159,10 +169,8 @@ impl Depth {
     fn of(terms: &[Term], length: f64) -> Depth {
         let mut sums = [0.0; 4];
         for term in terms {
-            let [constant, slope] = term.extinction;
-            sums[0] += constant;
-            for (sum, coefficient) in sums.iter_mut().zip(term.unit.0) {
-                *sum += slope * coefficient;
+            for (sum, coefficient) in sums.iter_mut().zip(term.extinction.0) {
+                *sum += coefficient;
             }
         }
         Depth(std::array::from_fn(|k| sums[k] * length / (k + 1) as f64))
@@ -184,10 +192,10 @@ fn rule(nodes: &[(f64, f64)], terms: &[Term], depth: &Depth, start: f64, end: f6
     let mut total = [0.0; 3];
     for &(node, weight) in nodes {
         let y = start + half * (1.0 + node);
-        let transmitted = (depth_start - depth.at(y)).exp() * weight;
+        let transmitted = (depth_start - depth.at(y)).min(0.0).exp() * weight;
         for term in terms {
             let unit = term.unit.at(y);
-            let emitted = transmitted * (term.extinction[0] + term.extinction[1] * unit);
+            let emitted = transmitted * term.extinction.at(y);
             for c in 0..3 {
                 let mut color = term.color[c] + term.color_slope[c] * unit;
                 if let Some(rgb) = &term.rgb {
@@ -224,7 +232,7 @@ mod tests {
         for extinction in [1e-12, 1e-3, 0.5, 7.0, 1e4, 1e12, 1e30] {
             let term = Term {
                 unit: Cubic([0.0; 4]),
-                extinction: [extinction, 0.0],
+                extinction: Cubic([extinction, 0.0, 0.0, 0.0]),
                 color: [1.0, 0.5, 0.0],
                 color_slope: [0.0; 3],
                 rgb: None,

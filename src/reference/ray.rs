@@ -102,7 +102,9 @@ impl Ray<'_> {
             for (channel, corners) in walk.channels.iter().enumerate().filter(|(_, c)| c.shows) {
                 let unit = cell::along(&corners.units, from, until);
                 let rgb = corners.rgb.map(|rgb| rgb.map(|c| cell::along(&c, from, until)));
-                unit.crossings(volume.channels[channel].classifier.cuts(), cuts);
+                if corners.crosses {
+                    unit.crossings(volume.channels[channel].classifier.cuts(), cuts);
+                }
                 shown.push(Shown { volume: index, channel, unit, rgb });
             }
         }
@@ -143,24 +145,29 @@ impl Shown {
         }
         let is_linear = piece.start.is_finite() && piece.end.is_finite();
         let unit = if is_linear {
+            let mut unit = self.unit.restricted(start, width);
+            let at_ends = [unit.0[0], unit.at(1.0)];
+            // Rounding may put the ends beside the piece, and a steep piece would make much of it.
+            let [first, last] = at_ends.map(|end| end.clamp(piece.start, piece.end));
             let largest = self.unit.0.iter().fold(0.0, |most: f64, c| most.max(c.abs()));
             if largest * 1e-15 > 1e-6 * (piece.end - piece.start) {
                 // Corner values so far outside the window that f64 cannot hold the differences
                 // within it: the crossing is all but instantaneous, and straight.
-                let [a, b] = [start, end]
-                    .map(|x| self.unit.at(x).clamp(piece.start, piece.end) - piece.anchor);
-                Cubic([a, b - a, 0.0, 0.0])
+                unit = Cubic([first - piece.anchor, last - first, 0.0, 0.0]);
             } else {
-                let mut unit = self.unit.restricted(start, width);
-                unit.0[0] -= piece.anchor;
-                unit
+                let moved = [first - at_ends[0], last - at_ends[1]];
+                unit.0[0] += moved[0] - piece.anchor;
+                unit.0[1] += moved[1] - moved[0];
             }
+            unit
         } else {
             Cubic([0.0; 4])
         };
+        let mut extinction = Cubic(unit.0.map(|c| piece.extinction_slope * c));
+        extinction.0[0] += piece.extinction;
         Some(Term {
             unit,
-            extinction: [piece.extinction, piece.extinction_slope],
+            extinction,
             color: piece.color,
             color_slope: piece.color_slope,
             rgb: self.rgb.map(|rgb| rgb.map(|c| c.restricted(start, width))),
@@ -189,6 +196,8 @@ struct Walk {
 #[derive(Clone, Copy, Default)]
 struct Corners {
     shows: bool,
+    /// Whether the transfer function has a cut between them.
+    crosses: bool,
     units: [f64; 8],
     rgb: Option<[[f64; 8]; 3]>,
 }
@@ -282,12 +291,20 @@ impl Walk {
             let corners = volume.grid.corners(self.cell);
             for (cell, channel) in self.channels.iter_mut().zip(&volume.channels) {
                 let stored = cell::stored(channel.voxels, &corners);
-                let least = stored.iter().copied().fold(f32::INFINITY, f32::min);
-                let greatest = stored.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-                cell.shows = channel.classifier.shows(least, greatest)
-                    && !stored.iter().any(|value| value.is_nan());
+                let (mut least, mut greatest, mut any_nan) = (stored[0], stored[0], false);
+                for value in stored {
+                    least = least.min(value);
+                    greatest = greatest.max(value);
+                    any_nan |= value.is_nan();
+                }
+                let classifier = &channel.classifier;
+                let between = [classifier.unit(least), classifier.unit(greatest)];
+                cell.shows = !any_nan && classifier.shows(between);
                 if cell.shows {
-                    cell.units = stored.map(|value| channel.classifier.unit(value));
+                    cell.crosses = classifier.crosses(between);
+                    for (unit, value) in cell.units.iter_mut().zip(stored) {
+                        *unit = classifier.unit(value);
+                    }
                     cell.rgb = cell::stored_rgb(channel.voxels, &corners);
                     self.any_shows = true;
                 }

@@ -1,10 +1,11 @@
 //! One tile of one view: the ray's journey from pixel to picture.
 
 use crate::error::Result;
-use crate::gpu::{Recorder, RoleKind, Submitted};
-use crate::passes::{march, rays, resolve};
+use crate::gpu::{Buffer, ComputePipeline, Recorder, RoleKind, Submitted};
+use crate::passes::march_shape::SceneResources;
+use crate::passes::{cast, march, rays, resolve};
 use crate::render::plan::DISPATCHES_PER_SUBMIT;
-use crate::render::renderer::Renderer;
+use crate::render::renderer::{Renderer, Staged, Way};
 use crate::twins;
 
 /// A rectangle of pixels of a view.
@@ -15,77 +16,132 @@ pub(super) struct Tile {
     pub size_pixel: [u32; 2],
 }
 
-/// Sets the rays up, marches them in bounded submits until even the longest has ended, and resolves
-/// them. `submitted` is told of every submit and returns once it has ended.
+/// Draws a tile; `submitted` is told of every submit and returns once it has ended.
 pub(super) fn draw(
     renderer: &Renderer,
     tile: Tile,
     mut submitted: impl FnMut(&Submitted) -> Result<()>,
 ) -> Result<()> {
-    let buffers = &renderer.buffers;
-    let dispatches = renderer.plan.passes[1].dispatches_per_tile;
-    for first in (0..dispatches).step_by(DISPATCHES_PER_SUBMIT as usize) {
-        let mut recorder = renderer.recorder();
-        if first == 0 {
-            set_up_rays(renderer, &mut recorder, tile);
+    match &renderer.way {
+        Way::Cast(pipeline) => {
+            let mut recorder = renderer.recorder();
+            cast_rays(renderer, pipeline, &mut recorder, tile);
+            submitted(&recorder.submit(&renderer.uploaded)?)
         }
-        let last = dispatches.min(first + DISPATCHES_PER_SUBMIT);
-        for _ in first..last {
-            march_rays(renderer, &mut recorder, tile);
+        Way::Staged(staged) => {
+            let dispatches = renderer.plan.march_dispatches();
+            for first in (0..dispatches).step_by(DISPATCHES_PER_SUBMIT as usize) {
+                let last = dispatches.min(first + DISPATCHES_PER_SUBMIT);
+                let mut recorder = renderer.recorder();
+                if first == 0 {
+                    set_up_rays(renderer, staged, &mut recorder, tile);
+                }
+                for _ in first..last {
+                    march_rays(renderer, staged, &mut recorder, tile);
+                }
+                if last == dispatches {
+                    resolve_rays(renderer, staged, &mut recorder, tile);
+                }
+                submitted(&recorder.submit(&renderer.uploaded)?)?;
+            }
+            Ok(())
         }
-        if last == dispatches {
-            let push = resolve::Push {
-                background: renderer.background,
-                unused_0: 0,
-                tile_size_pixel: tile.size_pixel,
-            };
-            let resources = resolve::Resources {
-                ray_state: &buffers.ray_state,
-                picture: &buffers.picture,
-                counters: &buffers.counters,
-            };
-            resolve::record(&mut recorder, &renderer.pipelines.resolve, &resources, &push);
-        }
-        submitted(&recorder.submit(&renderer.uploaded)?)?;
     }
-    Ok(())
 }
 
-fn set_up_rays<'r>(renderer: &'r Renderer, recorder: &mut Recorder<'r>, tile: Tile) {
-    let push = twins::rays::Push {
-        tile_origin_pixel: tile.origin_pixel,
-        tile_size_pixel: tile.size_pixel,
-        volume_size: renderer.volume_size,
-        view: tile.view,
-        // One step that no volume outlasts: the medium is homogeneous.
-        step_world: renderer.plan.step_world.unwrap_or(1e300),
+fn cast_rays<'r>(
+    renderer: &'r Renderer,
+    pipeline: &'r ComputePipeline,
+    recorder: &mut Recorder<'r>,
+    tile: Tile,
+) {
+    let push = twins::cast::Push {
+        rays: renderer.ray_push(tile),
+        blocks_max: renderer.plan.blocks_per_dispatch(),
+        early_stop: renderer.early_stop,
+        background: renderer.background,
+        unused_0: 0,
     };
+    let resources = cast::Resources {
+        views: &renderer.buffers.views,
+        picture: &renderer.buffers.picture,
+        counters: &renderer.buffers.counters,
+        scene: renderer.scene_resources(),
+    };
+    cast::record(recorder, pipeline, &resources, &push);
+}
+
+fn set_up_rays<'r>(
+    renderer: &'r Renderer,
+    staged: &'r Staged,
+    recorder: &mut Recorder<'r>,
+    tile: Tile,
+) {
     let resources = rays::Resources {
         views: &renderer.buffers.views,
-        ray_geometry: &renderer.buffers.ray_geometry,
-        ray_state: &renderer.buffers.ray_state,
+        ray_geometry: &staged.ray_geometry,
+        ray_state: &staged.ray_state,
     };
-    rays::record(recorder, &renderer.pipelines.rays, &resources, &push);
+    rays::record(recorder, &staged.rays, &resources, &renderer.ray_push(tile));
 }
 
-fn march_rays<'r>(renderer: &'r Renderer, recorder: &mut Recorder<'r>, tile: Tile) {
+fn march_rays<'r>(
+    renderer: &'r Renderer,
+    staged: &'r Staged,
+    recorder: &mut Recorder<'r>,
+    tile: Tile,
+) {
     let push = march::Push {
         tile_size_pixel: tile.size_pixel,
         blocks_max: renderer.plan.blocks_per_dispatch(),
         early_stop: renderer.early_stop,
     };
     let resources = march::Resources {
-        ray_geometry: &renderer.buffers.ray_geometry,
-        transfer: &renderer.buffers.transfer,
-        ray_state: &renderer.buffers.ray_state,
-        channels: &renderer.channels,
-        sampler: renderer.sampler.as_ref(),
+        ray_geometry: &staged.ray_geometry,
+        ray_state: &staged.ray_state,
+        scene: renderer.scene_resources(),
     };
-    march::record(recorder, &renderer.pipelines.march, &resources, &push);
+    march::record(recorder, &staged.march, &resources, &push);
+}
+
+fn resolve_rays<'r>(
+    renderer: &'r Renderer,
+    staged: &'r Staged,
+    recorder: &mut Recorder<'r>,
+    tile: Tile,
+) {
+    let (picture, counters): (&Buffer, &Buffer) =
+        (&renderer.buffers.picture, &renderer.buffers.counters);
+    let push = resolve::Push {
+        background: renderer.background,
+        unused_0: 0,
+        tile_size_pixel: tile.size_pixel,
+    };
+    let resources = resolve::Resources { ray_state: &staged.ray_state, picture, counters };
+    resolve::record(recorder, &staged.resolve, &resources, &push);
 }
 
 impl Renderer {
     fn recorder(&self) -> Recorder<'_> {
         Recorder::new(&self.gpu, RoleKind::Render, self.timestamps.as_ref())
+    }
+
+    fn ray_push(&self, tile: Tile) -> twins::rays::Push {
+        twins::rays::Push {
+            tile_origin_pixel: tile.origin_pixel,
+            tile_size_pixel: tile.size_pixel,
+            volume_size: self.volume_size,
+            view: tile.view,
+            // One step that no volume outlasts: the medium is homogeneous.
+            step_world: self.plan.step_world.unwrap_or(1e300),
+        }
+    }
+
+    fn scene_resources(&self) -> SceneResources<'_> {
+        SceneResources {
+            transfer: &self.buffers.transfer,
+            channels: &self.channels,
+            sampler: self.sampler.as_ref(),
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! How voxels lie in the image of a channel, and what a texel means.
 
 use crate::gpu::ImageFormat;
-use crate::passes::march::FilterShape;
+use crate::passes::march_shape::FilterShape;
 use crate::scene::Filter;
 use crate::volume::{ValueRange, VoxelFormat};
 

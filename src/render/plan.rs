@@ -11,8 +11,8 @@ use crate::gpu::{
     Buffer, BufferSpec, Gpu, IN_FLIGHT_MAX, Image, ImageSpec, MemoryHome, ObjectKind,
     ObjectsOfPipeline, RoleKind, Shader, ShaderCompiler, Staging,
 };
-use crate::passes::march::{ChannelShape, FilterShape, Shape};
-use crate::passes::{rays, resolve};
+use crate::passes::march_shape::{ChannelShape, FilterShape, Shape};
+use crate::passes::{cast, rays, resolve};
 use crate::render::image_layout::{Layout, LayoutChoice, TexelLayout};
 use crate::render::scene_data::SceneData;
 use crate::render::settings::Settings;
@@ -20,7 +20,7 @@ use crate::render::transfer_segments::{classify_constant, transfer_segments};
 use crate::scene::Filter;
 use crate::twins::limits::BLOCK_SAMPLES;
 use crate::twins::ray::{RayGeometry, RayState};
-use crate::twins::rays::ViewRays;
+use crate::twins::ray_setup::ViewRays;
 use crate::twins::transfer::TransferSegment;
 use crate::volume::{ChannelVoxels, ValueRange, VolumeVoxels, VoxelFormat};
 
@@ -197,6 +197,14 @@ impl Plan {
         let facts: Vec<_> = voxels.channels.iter().map(ChannelFacts::of).collect();
         let mut left_out = LeftOut::default();
 
+        let views_bytes = (scene.views.len() * size_of::<ViewRays>()) as u64;
+        if views_bytes > gpu.facts().uniform_bytes_max {
+            return Err(Error::machine(format!(
+                "the scene has {} views, but this device holds at most {} at once: draw some of them with --view",
+                scene.views.len(),
+                gpu.facts().uniform_bytes_max / size_of::<ViewRays>() as u64
+            )));
+        }
         let (images, texel_layouts) = plan_images(gpu, data, &facts, settings)?;
         let mut segments = Vec::new();
         let mut channels = Vec::new();
@@ -237,7 +245,9 @@ impl Plan {
         let picture = scene.picture.size;
         let tile: [u32; 2] = std::array::from_fn(|axis| picture[axis].min(settings.tile[axis]));
         let tiles = picture[0].div_ceil(tile[0]) * picture[1].div_ceil(tile[1]);
-        let buffers = plan_buffers(gpu, data, tile, segments.len(), &images);
+        // The longest ray fits one dispatch: no state of rays is kept between passes.
+        let one_dispatch = dispatches == 1;
+        let buffers = plan_buffers(gpu, data, tile, segments.len(), &images, one_dispatch);
 
         let pass = |variant, dispatches_per_tile| -> Result<PlannedPass> {
             let shader = compiler.compile(&variant)?;
@@ -252,11 +262,20 @@ impl Plan {
                 shader,
             })
         };
-        let passes = vec![
-            pass(rays::variant(), 1)?,
-            pass(shape.variant(), dispatches)?,
-            pass(resolve::variant(), 1)?,
-        ];
+        let views = scene.views.len();
+        let passes = if one_dispatch {
+            left_out.add(
+                "rays and resolve as passes, ray_geometry, ray_state",
+                format!("the longest ray's {samples_of_ray_max} samples fit one dispatch"),
+            );
+            vec![pass(cast::variant(&shape, views), 1)?]
+        } else {
+            vec![
+                pass(rays::variant(views), 1)?,
+                pass(shape.variant("march"), dispatches)?,
+                pass(resolve::variant(), 1)?,
+            ]
+        };
         let atlas_bytes = images.iter().map(|image| image.memory_bytes).sum();
         let memory_bytes =
             atlas_bytes + buffers.iter().map(|buffer| buffer.memory_bytes).sum::<u64>();
@@ -288,7 +307,13 @@ impl Plan {
         })
     }
 
-    /// Blocks of samples in one march dispatch: no more than a ray can have.
+    /// Dispatches that march each ray of a tile to its end.
+    pub(super) fn march_dispatches(&self) -> u32 {
+        let march = self.passes.iter().find(|pass| pass.name == "march");
+        march.map_or(1, |pass| pass.dispatches_per_tile)
+    }
+
+    /// Blocks of samples in one dispatch: no more than a ray can have.
     pub(super) fn blocks_per_dispatch(&self) -> u32 {
         let needed = self.samples_of_ray_max.div_ceil(u64::from(BLOCK_SAMPLES));
         self.settings.blocks_per_dispatch().min(needed as u32)
@@ -416,6 +441,7 @@ fn plan_buffers(
     tile: [u32; 2],
     segments: usize,
     images: &[PlannedImage],
+    one_dispatch: bool,
 ) -> Vec<PlannedBuffer> {
     let rays = u64::from(tile[0]) * u64::from(tile[1]);
     let views = data.scene.views.len() as u64;
@@ -423,11 +449,15 @@ fn plan_buffers(
     let mut specs = vec![
         spec("views", views * size_of::<ViewRays>() as u64, MemoryHome::Upload),
         spec("transfer", (segments * size_of::<TransferSegment>()) as u64, MemoryHome::Upload),
-        spec("ray_geometry", rays * size_of::<RayGeometry>() as u64, MemoryHome::Device),
-        spec("ray_state", rays * size_of::<RayState>() as u64, MemoryHome::Device),
         spec("picture", rays * size_of::<[f32; 4]>() as u64, MemoryHome::Readback),
         spec("counters", size_of::<[u32; 2]>() as u64, MemoryHome::Readback),
     ];
+    if !one_dispatch {
+        specs.extend([
+            spec("ray_geometry", rays * size_of::<RayGeometry>() as u64, MemoryHome::Device),
+            spec("ray_state", rays * size_of::<RayState>() as u64, MemoryHome::Device),
+        ]);
+    }
     // Staging no larger than the largest image, and at least one row of it.
     let image_bytes = |image: &PlannedImage| {
         image.size.iter().map(|edge| u64::from(*edge)).product::<u64>() * image.spec.format.bytes()

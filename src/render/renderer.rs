@@ -10,14 +10,14 @@ use crate::gpu::{
     Buffer, ComputePipeline, Gpu, Image, Record, RoleKind, Sampler, SamplerFilter, Staging,
     TimePoint, Timestamps,
 };
-use crate::passes::march::FilterShape;
+use crate::passes::march_shape::FilterShape;
 use crate::render::frame::{self, Tile};
 use crate::render::plan::{DISPATCHES_PER_SUBMIT, Plan, PlannedBuffer};
 use crate::render::scene_data::SceneData;
 use crate::render::statistics::{Statistics, peak_rss_bytes};
 use crate::render::upload::upload;
 use crate::scene::RayFrame;
-use crate::twins::rays::ViewRays;
+use crate::twins::ray_setup::ViewRays;
 use crate::volume::WorldFromVoxel;
 
 /// A finished view: linear rgb over the background, and alpha; row 0 on top.
@@ -36,7 +36,7 @@ pub struct Renderer {
     pub(super) buffers: Buffers,
     pub(super) channels: Vec<Image>,
     pub(super) sampler: Option<Sampler>,
-    pub(super) pipelines: Pipelines,
+    pub(super) way: Way,
     pub(super) timestamps: Option<Timestamps>,
     /// What the first submit waits for.
     pub(super) uploaded: Vec<TimePoint>,
@@ -51,16 +51,24 @@ pub struct Renderer {
 pub(super) struct Buffers {
     pub views: Buffer,
     pub transfer: Buffer,
-    pub ray_geometry: Buffer,
-    pub ray_state: Buffer,
     pub picture: Buffer,
     pub counters: Buffer,
 }
 
-pub(super) struct Pipelines {
+/// How rays come to their pixels.
+pub(super) enum Way {
+    /// In one dispatch.
+    Cast(Arc<ComputePipeline>),
+    /// Set up, marched in several dispatches, resolved.
+    Staged(Box<Staged>),
+}
+
+pub(super) struct Staged {
     pub rays: Arc<ComputePipeline>,
     pub march: Arc<ComputePipeline>,
     pub resolve: Arc<ComputePipeline>,
+    pub ray_geometry: Buffer,
+    pub ray_state: Buffer,
 }
 
 impl Renderer {
@@ -75,8 +83,6 @@ impl Renderer {
         let buffers = Buffers {
             views: make("views")?,
             transfer: make("transfer")?,
-            ray_geometry: make("ray_geometry")?,
-            ray_state: make("ray_state")?,
             picture: make("picture")?,
             counters: make("counters")?,
         };
@@ -87,8 +93,16 @@ impl Renderer {
         buffers.transfer.write(0, bytemuck::cast_slice(&plan.segments))?;
 
         let pipeline = |index: usize| ComputePipeline::new(gpu, plan.passes[index].shader.clone());
-        let pipelines =
-            Pipelines { rays: pipeline(0)?, march: pipeline(1)?, resolve: pipeline(2)? };
+        let way = match plan.passes[..] {
+            [_] => Way::Cast(pipeline(0)?),
+            _ => Way::Staged(Box::new(Staged {
+                rays: pipeline(0)?,
+                march: pipeline(1)?,
+                resolve: pipeline(2)?,
+                ray_geometry: make("ray_geometry")?,
+                ray_state: make("ray_state")?,
+            })),
+        };
         let steps = DISPATCHES_PER_SUBMIT + 2;
         let timestamps = Timestamps::new(gpu, RoleKind::Render, steps)?;
 
@@ -121,7 +135,7 @@ impl Renderer {
             buffers,
             channels,
             sampler,
-            pipelines,
+            way,
             timestamps,
             uploaded,
             volume_size: voxels.size.to_array(),
@@ -168,8 +182,8 @@ impl Renderer {
         let [width, height] = self.plan.picture;
         let mut pixels = vec![[0.0; 4]; width as usize * height as usize];
         let mut records = Vec::new();
-        let submits = self.plan.tiles
-            * self.plan.passes[1].dispatches_per_tile.div_ceil(DISPATCHES_PER_SUBMIT);
+        let submits =
+            self.plan.tiles * self.plan.march_dispatches().div_ceil(DISPATCHES_PER_SUBMIT);
         for tile in self.tiles(view as u32) {
             self.buffers.counters.write(0, &[0; 8])?;
             frame::draw(self, tile, |submitted| {

@@ -19,6 +19,10 @@ use crate::volume::{RawLayout, Size3, VoxelFormat, WorldFromVoxel};
 const PICTURE_EDGE_PIXELS_MAX: i64 = 32_768;
 /// Voxels along one axis: positions keep their integer part in 31 bits with room for differences.
 const VOLUME_EDGE_VOXELS_MAX: i64 = 1 << 24;
+/// World units: lengths and places beyond have no picture in f32.
+const WORLD_MAX: f64 = 1e30;
+/// Voxel edges below have no picture either.
+const WORLD_MIN: f64 = 1e-30;
 /// Channels of one volume drawn in one pass.
 const CHANNELS_MAX: usize = 16;
 
@@ -32,10 +36,9 @@ impl Scene {
             .map_err(|why| Error::input(format!("{}: cannot be read: {why}", path.display())))?;
         let text = String::from_utf8(bytes).map_err(|why| {
             let at = why.utf8_error().valid_up_to();
-            Error::input(format!(
-                "{}: is not text: byte {at} is not UTF-8; a scene is a TOML file",
-                path.display()
-            ))
+            let before = String::from_utf8_lossy(&why.as_bytes()[..at]);
+            Place::in_file(path, &before, &(at..at))
+                .error("is not UTF-8 from here on: a scene is a TOML file, saved as UTF-8")
         })?;
         Scene::from_toml(&text, path, overrides)
     }
@@ -46,10 +49,7 @@ impl Scene {
     /// As [`Scene::load`].
     pub fn from_toml(text: &str, path: &Path, overrides: &Overrides) -> Result<Scene> {
         let check = Check { path, text };
-        let file: SceneFile = toml::from_str(text).map_err(|why| {
-            let place = check.place(&why.span().unwrap_or(0..0));
-            place.error(why.message().trim().replace('\n', ", "))
-        })?;
+        let file: SceneFile = toml::from_str(text).map_err(|why| check.not_a_scene(why))?;
         check.scene(file, overrides)
     }
 }
@@ -72,6 +72,32 @@ impl Check<'_> {
 
     fn start(&self) -> Place {
         self.place(&(0..0))
+    }
+
+    /// What TOML or the types of keys refuse, with the key's name.
+    fn not_a_scene(&self, mut why: toml::de::Error) -> Error {
+        let span = why.span().unwrap_or(0..0);
+        // Without the text at hand, the error tells the key instead of drawing the place.
+        why.set_input(None);
+        let said = why.to_string();
+        let message = why.message().trim().replace('\n', ", ");
+        let key = said.rsplit_once("\nin `").map(|(_, key)| key.trim_end().trim_end_matches('`'));
+        let remedy = match key {
+            Some(list @ ("volume" | "view" | "volume.channel"))
+                if message.contains("expected a sequence") =>
+            {
+                format!(": write it in double brackets, [[{list}]]")
+            }
+            _ => String::new(),
+        };
+        let message = match (key, self.text.get(span.clone())) {
+            (Some(key), _) => format!("{key}: {message}{remedy}"),
+            (None, Some(word)) if message == "duplicate key" => {
+                format!("{} is given twice: leave one", word.trim())
+            }
+            _ => message,
+        };
+        self.place(&span).error(message)
     }
 
     fn located<T>(&self, value: Spanned<T>) -> Located<T> {
@@ -304,7 +330,19 @@ impl Check<'_> {
                 return Err(refuse(&source_place, "source must not be empty"));
             }
             SourceFile::Path(path) => {
-                let raw = file.raw.map(|raw| self.raw(&name, raw.into_inner())).transpose()?;
+                let raw = match (file.raw, import_knows(&path)) {
+                    (Some(raw), Some(ending)) => {
+                        let why =
+                            format!("raw belongs to raw files, not to {ending}: leave it out");
+                        return Err(refuse(&self.place(&raw.span()), &why));
+                    }
+                    (None, None) if is_raw(&path) => {
+                        let why = "a raw file does not say how its voxels lie: \
+                            add raw = { size = [x, y, z], type = \"u8\" }";
+                        return Err(refuse(&source_place, why));
+                    }
+                    (raw, _) => raw.map(|raw| self.raw(&name, raw.into_inner())).transpose()?,
+                };
                 let folder = self.path.parent().unwrap_or(Path::new(""));
                 Source::File { path: folder.join(path), raw }
             }
@@ -327,10 +365,12 @@ impl Check<'_> {
             }
             (Some(spacing), None) => Some(
                 WorldFromVoxel::from_spacing(spacing.value)
+                    .and_then(|map| within_world(map, "spacing"))
                     .map_err(|why| refuse(&spacing.place, &why.message))?,
             ),
             (None, Some(transform)) => Some(
                 WorldFromVoxel::from_rows(transform.value)
+                    .and_then(|map| within_world(map, "transform"))
                     .map_err(|why| refuse(&transform.place, &why.message))?,
             ),
             (None, None) => None,
@@ -349,6 +389,10 @@ impl Check<'_> {
         for (position, channel) in file.channel.into_iter().enumerate() {
             let place = self.place(&channel.span());
             let channel = self.channel(&name, position, self.located(channel))?;
+            if matches!(source, Source::Computed { .. }) && channel.index > 0 {
+                let why = "is not there: a computed source has one channel, index 0";
+                return Err(refuse(&place, &format!("channel index {} {why}", channel.index)));
+            }
             if !indices.insert(channel.index) {
                 return Err(refuse(&place, &format!("shows channel {} twice", channel.index)));
             }
@@ -406,7 +450,8 @@ impl Check<'_> {
         let index = match file.index.map(|index| self.located(index)) {
             None => position as u32,
             Some(index) => u32::try_from(index.value).map_err(|_| {
-                refuse(&index.place, format!("index must not be negative, got {}", index.value))
+                let why = format!("index must be 0 to {}, got {}", u32::MAX, index.value);
+                refuse(&index.place, why)
             })?,
         };
         let Some(window) = file.window.map(|window| self.located(window)) else {
@@ -462,7 +507,7 @@ impl Check<'_> {
                 return Err(refuse(&place, &format!("{key} = [x, y, z] is missing")));
             };
             let vector = DVec3::from_array(value.value);
-            if vector.abs().max_element() <= 1e30 && vector.is_finite() {
+            if vector.abs().max_element() <= WORLD_MAX && vector.is_finite() {
                 return Ok(Located { value: vector, place: value.place });
             }
             let why = format!("{key} must be finite and within 1e30, got {:?}", value.value);
@@ -484,7 +529,7 @@ impl Check<'_> {
                 Projection::Perspective { fov_degrees: fov.value }
             }
             (None, Some(height), None) => {
-                if !(height.value > 0.0 && height.value <= 1e30) {
+                if !(height.value > 0.0 && height.value <= WORLD_MAX) {
                     let why = format!("height must be positive and finite, got {}", height.value);
                     return Err(refuse(&height.place, &why));
                 }
@@ -506,8 +551,36 @@ impl Check<'_> {
                 return Err(refuse(&place, "give one of fov_degrees, height and frustum"));
             }
         };
-        let (eye, target_place) = (eye.value, target.place);
-        View::looking_at(name.clone(), eye, target.value, up.value, projection)
-            .map_err(|why| refuse(&target_place, why))
+        View::looking_at(name.clone(), eye.value, target.value, up.value, projection)
+            .map_err(|(key, why)| refuse(if key == "up" { &up.place } else { &target.place }, why))
     }
+}
+
+/// Refuses voxels whose edges, or a place that, f32 cannot hold with room for products.
+fn within_world(map: WorldFromVoxel, key: &str) -> Result<WorldFromVoxel> {
+    let edges = map.spacing().to_array();
+    let origin = map.point(DVec3::ZERO).abs().max_element();
+    if edges.iter().all(|edge| (WORLD_MIN..=WORLD_MAX).contains(edge)) && origin <= WORLD_MAX {
+        return Ok(map);
+    }
+    Err(Error::input(format!(
+        "{key} must give voxel edges within {WORLD_MIN:e} and {WORLD_MAX:e} and an origin within {WORLD_MAX:e}, got edges {edges:?}"
+    )))
+}
+
+/// Endings of files that say themselves how their voxels lie.
+fn import_knows(path: &str) -> Option<&'static str> {
+    const ENDINGS: [&str; 12] = [
+        ".bricks", ".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".tif", ".tiff", ".npy",
+        ".vti", ".segy",
+    ];
+    let path = path.to_ascii_lowercase();
+    ENDINGS.into_iter().find(|ending| path.ends_with(ending))
+}
+
+/// Whether a file's name says that it holds voxels and nothing else.
+fn is_raw(path: &str) -> bool {
+    let path = path.to_ascii_lowercase();
+    let plain = path.strip_suffix(".gz").or(path.strip_suffix(".zst")).unwrap_or(&path);
+    plain.ends_with(".raw") || plain.ends_with(".bin")
 }

@@ -63,19 +63,20 @@ pub struct RayFrame {
 }
 
 impl View {
-    /// A camera at `eye` that looks at `target`, or why there is none.
+    /// A camera at `eye` that looks at `target`; or the argument that forbids it, and why.
     pub fn looking_at(
         name: String,
         eye: DVec3,
         target: DVec3,
         up: DVec3,
         projection: Projection,
-    ) -> Result<View, &'static str> {
-        let forward = (target - eye).try_normalize().ok_or("eye and target must differ")?;
-        let up_unit = up.try_normalize().ok_or("up must not be zero")?;
+    ) -> Result<View, (&'static str, &'static str)> {
+        let forward =
+            (target - eye).try_normalize().ok_or(("target", "eye and target must differ"))?;
+        let up_unit = up.try_normalize().ok_or(("up", "up must not be zero"))?;
         let right = forward.cross(up_unit);
         if right.length() < 1e-9 {
-            return Err("up must not be parallel to the line of sight");
+            return Err(("up", "up must not be parallel to the line of sight"));
         }
         let right = right.normalize();
         Ok(View { name, eye, forward, right, up: right.cross(forward), projection })

@@ -132,3 +132,32 @@ fn stretch(z: [f64; 3], apart: f64) -> f64 {
     let around = if cylinder_least > 0.0 { (size_most / cylinder_least).min(8.0) } else { 8.0 };
     8.0 * size_most.powi(7) * around
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points all over the cube, dense near the axis, where distances around it stretch most.
+    #[test]
+    fn no_pair_of_points_parts_faster_than_the_stretch() {
+        let mut state = 1_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (state >> 40) as f64 / (1 << 23) as f64 - 1.0
+        };
+        let mut tightest = 0.0_f64;
+        for _ in 0..200_000 {
+            let near_axis = random().abs().powi(6);
+            let z = [random() * near_axis, random() * near_axis, random() * 1.3];
+            let apart = 10.0_f64.powf(-1.0 - 3.0 * random().abs());
+            let step = [random(), random(), random()].map(|c| c * apart / 3.0_f64.sqrt());
+            let other: [f64; 3] = std::array::from_fn(|a| z[a] + step[a]);
+            let (p, q) = (next(z, [0.0; 3]), next(other, [0.0; 3]));
+            let distance = radius(std::array::from_fn(|a| p[a] - q[a]));
+            let allowed = radius(step) * stretch(z, apart);
+            assert!(distance <= allowed * (1.0 + 1e-9) + 1e-15, "{z:?} to {other:?}");
+            tightest = tightest.max(distance / allowed);
+        }
+        assert!(tightest > 0.8, "a bound that is never nearly met: {tightest}");
+    }
+}

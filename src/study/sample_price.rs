@@ -10,7 +10,7 @@ use crate::gpu::{
     Buffer, BufferSpec, ComputePipeline, Gpu, Image, ImageSpec, MemoryHome, Recorder, RoleKind,
     Sampler, SamplerFilter, ShaderCompiler, Staging, Timestamps,
 };
-use crate::passes::march::FilterShape;
+use crate::passes::march_shape::FilterShape;
 use crate::passes::probe::{self, ProbeShape};
 use crate::render::{
     Layout, LayoutChoice, Plan, Renderer, SceneData, Settings, TexelLayout, upload,

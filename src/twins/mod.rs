@@ -4,6 +4,7 @@
 //! A twin is compared with its shader number by number; it is no reference: what both get wrong, only
 //! `reference/` can tell.
 
+pub mod cast;
 pub mod exponential;
 pub mod filter;
 pub mod fixed_point;
@@ -11,6 +12,9 @@ pub mod limits;
 pub mod march;
 pub mod probe;
 pub mod ray;
+pub mod ray_march;
+pub mod ray_resolve;
+pub mod ray_setup;
 pub mod rays;
 pub mod resolve;
 pub mod transfer;

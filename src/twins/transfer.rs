@@ -24,8 +24,8 @@ pub struct TransferSegment {
 pub fn classify(segments: &[TransferSegment], texel: f32) -> [f32; 4] {
     let first = &segments[0];
     let windowed = (texel * first.window_scale + first.window_offset).clamp(0.0, 1.0);
-    let later = segments[1..].iter().filter(|segment| windowed >= segment.begins_at);
-    let segment = later.last().unwrap_or(first);
+    let mut later = segments[1..].iter().filter(|segment| windowed >= segment.begins_at);
+    let segment = later.next_back().unwrap_or(first);
     let mut result: [f32; 4] = std::array::from_fn(|part| {
         segment.start[part] + segment.slope[part] * (windowed - segment.begins_at)
     });

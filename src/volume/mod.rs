@@ -18,4 +18,5 @@ pub use range::ValueRange;
 pub use size::Size3;
 pub use transform::WorldFromVoxel;
 pub use voxel::Voxel;
+pub(crate) use voxel::with_voxel_type;
 pub use voxels::{Voxels, sanitized};

@@ -143,7 +143,6 @@ impl Voxel for [u8; 4] {
 }
 
 /// Calls `$body` with the type alias `$voxel` bound to the voxel type of `$format`.
-#[macro_export]
 macro_rules! with_voxel_type {
     ($format:expr, $voxel:ident => $body:expr) => {
         match $format {
@@ -170,3 +169,5 @@ macro_rules! with_voxel_type {
         }
     };
 }
+
+pub(crate) use with_voxel_type;

@@ -1,6 +1,6 @@
 //! The voxels of one channel in memory, x fastest, then y, then z.
 
-use crate::volume::{ValueRange, Voxel, VoxelFormat};
+use crate::volume::{ValueRange, Voxel, VoxelFormat, with_voxel_type};
 
 /// Voxels as stored: no slope, intercept or window applied.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,7 +88,7 @@ impl Voxels {
 
     /// From such bytes; a rest shorter than a voxel is left out.
     pub fn from_bytes(format: VoxelFormat, bytes: &[u8]) -> Voxels {
-        crate::with_voxel_type!(format, V => {
+        with_voxel_type!(format, V => {
             let size = format.bytes();
             let whole = &bytes[..bytes.len() / size * size];
             let mut voxels: Vec<V> = vec![bytemuck::Zeroable::zeroed(); whole.len() / size];

@@ -98,6 +98,7 @@ impl Volume {
 
     fn input(&self) -> MemoryInput {
         let header = Header {
+            path: "memory".into(),
             size: self.size,
             channels: self.channels.len() as u32,
             times: 1,

@@ -1,0 +1,164 @@
+//! What shapes the shaders that march rays: only what the scene has gets into them.
+
+use crate::gpu::{Buffer, ComputePipeline, Dispatch, Image, Sampler, Variant};
+
+/// What one channel needs of the shader.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ChannelShape {
+    /// An image of one value per voxel, and this many transfer segments.
+    Scalar {
+        /// At least 1.
+        segments: u32,
+    },
+    /// An image of colours, and this many transfer segments over their alpha.
+    Rgba {
+        /// At least 1.
+        segments: u32,
+    },
+    /// No image: every voxel has one value, classified by the host into one segment.
+    Constant,
+}
+
+/// How voxels lie in the image and how values between them are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum FilterShape {
+    /// The sampler's own trilinear filter.
+    Sampler,
+    /// Eight texel fetches and f32 arithmetic.
+    Fetch,
+    /// Two fetches of texels that hold their x, y and xy neighbours too, and f32 arithmetic.
+    Quads,
+}
+
+impl FilterShape {
+    /// The macro that chooses it in the shader.
+    pub const fn define(self) -> &'static str {
+        match self {
+            FilterShape::Sampler => "FILTER_SAMPLER",
+            FilterShape::Fetch => "FILTER_FETCH",
+            FilterShape::Quads => "FILTER_QUADS",
+        }
+    }
+}
+
+/// Segments of one channel that are selected from; more are searched.
+const SELECTED_SEGMENTS_MAX: u32 = 24;
+/// 16 KiB of 48 bytes each: what a uniform buffer holds on every device.
+const UNIFORM_SEGMENTS_MAX: u32 = 341;
+
+/// What shapes the variant: only what the scene has gets into the shader.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Shape {
+    /// In the scene's order.
+    pub channels: Vec<ChannelShape>,
+    /// For all channels with an image.
+    pub filter: FilterShape,
+    /// Whether rays may end before the volume does.
+    pub early_stop: bool,
+    /// Whether some voxel is NaN.
+    pub nan_voxels: bool,
+}
+
+impl Shape {
+    /// How many channels have an image.
+    pub fn images(&self) -> usize {
+        self.channels.iter().filter(|channel| **channel != ChannelShape::Constant).count()
+    }
+
+    /// Whether segments are searched in a storage buffer, since some channel has too many to select
+    /// from, or all together are too many for a uniform buffer of any device.
+    pub fn searches(&self) -> bool {
+        let segments = || self.channels.iter().map(|channel| channel.segments());
+        segments().any(|count| count > SELECTED_SEGMENTS_MAX)
+            || segments().sum::<u32>() > UNIFORM_SEGMENTS_MAX
+    }
+
+    /// A variant of `shader`, which includes `common/ray_march.glsl`, in this shape.
+    pub fn variant(&self, shader: &'static str) -> Variant {
+        let (mut load, mut sample) = (String::new(), String::new());
+        let (mut image, mut first) = (0, 0);
+        for (index, channel) in self.channels.iter().enumerate() {
+            let kind = match channel {
+                ChannelShape::Scalar { .. } => "SCALAR",
+                ChannelShape::Rgba { .. } => "RGBA",
+                ChannelShape::Constant => {
+                    load += &format!("LOAD_CONSTANT(channel_{index}, {first}) ");
+                    sample += &format!("SAMPLE_CONSTANT(channel_{index}) ");
+                    first += 1;
+                    continue;
+                }
+            };
+            let segments = channel.segments();
+            load += &format!("LOAD_SEGMENTS(channel_{index}, {first}, {segments}) ");
+            sample += &format!("SAMPLE_{kind}(channel_{index}, {image}, {segments}) ");
+            image += 1;
+            first += segments;
+        }
+        let mut variant = Variant::plain(shader)
+            .define("LOAD_CHANNELS", load.trim_end())
+            .define("SAMPLE_CHANNELS", sample.trim_end());
+        variant = if self.searches() {
+            let most = self.channels.iter().map(|channel| channel.segments()).max().unwrap_or(1);
+            let steps = most.next_power_of_two().trailing_zeros().max(1);
+            variant.define("TRANSFER_SEARCH", 1).define("SEARCH_STEPS", format!("{steps}u"))
+        } else {
+            variant.define("SEGMENTS_TOTAL", first)
+        };
+        if self.images() > 0 {
+            variant = variant.define("IMAGES", self.images()).define(self.filter.define(), 1);
+        }
+        if self.early_stop {
+            variant = variant.define("EARLY_STOP", 1);
+        }
+        if self.nan_voxels {
+            variant = variant.define("NAN_VOXELS", 1);
+        }
+        if self.channels.len() > 1 {
+            variant = variant.define("SEVERAL_CHANNELS", 1);
+        }
+        variant
+    }
+}
+
+impl ChannelShape {
+    /// Transfer segments of the channel.
+    pub const fn segments(self) -> u32 {
+        match self {
+            ChannelShape::Scalar { segments } | ChannelShape::Rgba { segments } => segments,
+            ChannelShape::Constant => 1,
+        }
+    }
+}
+
+/// What every shader that marches rays reads of the scene.
+pub struct SceneResources<'r> {
+    /// `[segment]` transfer functions of all channels.
+    pub transfer: &'r Buffer,
+    /// One per channel that has an image.
+    pub channels: &'r [Image],
+    /// For every image.
+    pub sampler: Option<&'r Sampler>,
+}
+
+impl<'r> SceneResources<'r> {
+    /// Binds what the pipeline's variant has.
+    pub fn bind<'a>(
+        &self,
+        dispatch: Dispatch<'a, 'r>,
+        pipeline: &ComputePipeline,
+    ) -> Dispatch<'a, 'r> {
+        let searched = pipeline.variant().defines.iter().any(|(name, _)| name == "TRANSFER_SEARCH");
+        let dispatch = if searched {
+            dispatch.read("transfer", self.transfer)
+        } else {
+            dispatch.uniform("transfer", self.transfer)
+        };
+        match self.sampler {
+            Some(sampler) => {
+                let images: Vec<_> = self.channels.iter().map(|image| (image, sampler)).collect();
+                dispatch.sample("channels", &images)
+            }
+            None => dispatch,
+        }
+    }
+}
