@@ -14,3 +14,5 @@ pub fn shared_data() -> Option<PathBuf> {
     eprintln!("SKIPPED: {} is missing; set ASHFALL_SHARED to run this test", data.display());
     None
 }
+
+pub mod device;
