@@ -109,8 +109,12 @@ fn every_scene_is_as_good_as_the_rule_allows() {
 #[test]
 fn computed_scenes_are_as_good_as_the_rule_allows() {
     let Some(device) = Device::open() else { return };
-    let scenes = [("marschner-lobb", [41, 41, 41], 60.0), ("shells", [64, 64, 64], 35.0),
-        ("hydrogen", [64, 64, 48], 60.0), ("ramp", [32, 16, 8], 75.0)];
+    let scenes = [
+        ("marschner-lobb", [41, 41, 41], 60.0),
+        ("shells", [64, 64, 64], 35.0),
+        ("hydrogen", [64, 64, 48], 60.0),
+        ("ramp", [32, 16, 8], 75.0),
+    ];
     for (kind, size, least_db) in scenes {
         let data = common::device::computed_scene(kind, size, &overrides(0.125));
         let truth = reference(&data, 0);
