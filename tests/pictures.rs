@@ -13,7 +13,7 @@ use ashfall::reference::{Settings as TruthSettings, render as truth};
 use ashfall::render::SceneData;
 use ashfall::scene::Overrides;
 use ashfall::study::error_metrics::{PictureError, picture_error};
-use common::device::{Device, Drawn};
+use common::drawing::{Device, Drawn};
 
 const SIZE: [u32; 2] = [256, 256];
 
@@ -116,7 +116,7 @@ fn computed_scenes_are_as_good_as_the_rule_allows() {
         ("ramp", [32, 16, 8], 75.0),
     ];
     for (kind, size, least_db) in scenes {
-        let data = common::device::computed_scene(kind, size, &overrides(0.125));
+        let data = common::drawing::computed_scene(kind, size, &overrides(0.125));
         let truth = reference(&data, 0);
         let got = error(&device.draw(&data, 0), &truth);
         println!("{kind}: {:.2} dB ({:.2} covered)", got.whole.psnr_db, got.covered.psnr_db);
@@ -129,7 +129,7 @@ fn computed_scenes_are_as_good_as_the_rule_allows() {
 #[test]
 fn a_homogeneous_slab_is_exact_in_one_sample() {
     let Some(device) = Device::open() else { return };
-    let data = common::device::computed_scene("constant", [4, 4, 4], &overrides(0.5));
+    let data = common::drawing::computed_scene("constant", [4, 4, 4], &overrides(0.5));
     let truth = reference(&data, 0);
     let drawn = device.draw(&data, 0);
     let got = error(&drawn, &truth);

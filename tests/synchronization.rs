@@ -9,7 +9,7 @@ use ashfall::scene::Overrides;
 use ashfall::twins::ray::{RayGeometry, RayState};
 use ashfall::twins::ray_setup::ViewRays;
 use ashfall::twins::rays::Push;
-use common::device::{Device, computed_scene};
+use common::drawing::{Device, computed_scene};
 
 const TILE: [u32; 2] = [16, 16];
 
