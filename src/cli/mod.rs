@@ -6,6 +6,9 @@
 mod bench;
 mod compare;
 mod devices;
+mod import;
+mod info;
+mod interrupt;
 mod load;
 mod output;
 mod picture_file;
@@ -14,6 +17,7 @@ mod progress;
 mod reference;
 mod render;
 mod scene_flags;
+mod verify;
 
 use std::process::ExitCode;
 
@@ -44,6 +48,9 @@ enum Command {
     Compare(compare::Arguments),
     Reference(reference::Arguments),
     Devices(devices::Arguments),
+    Import(import::Arguments),
+    Info(info::Arguments),
+    Verify(verify::Arguments),
     Bench(bench::Arguments),
 }
 
@@ -73,6 +80,9 @@ fn run(command: Command) -> Result<()> {
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Reference(arguments) => reference::run(&arguments),
         Command::Devices(arguments) => devices::run(&arguments),
+        Command::Import(arguments) => import::run(&arguments),
+        Command::Info(arguments) => info::run(&arguments),
+        Command::Verify(arguments) => verify::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
     }
 }
