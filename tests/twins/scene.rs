@@ -180,9 +180,9 @@ pub fn inner_rays(random: &mut Random, size: [u32; 3], count: usize) -> Vec<RayG
             step_world: random.between(0.01, 0.5) as f32,
             ..RayGeometry::default()
         };
-        for axis in 0..3 {
+        for (axis, &edge) in size.iter().enumerate() {
             // Positions have their integers at voxel centres: -1/2 is the volume's face.
-            let mut place = || random.between(-0.49, f64::from(size[axis]) - 0.51);
+            let mut place = || random.between(-0.49, f64::from(edge) - 0.51);
             let (start, end) = (place(), place());
             let fixed = |value: f64| {
                 let units = (value * 4_294_967_296.0).round() as i64;
