@@ -30,6 +30,10 @@ impl Drop for Watch {
     }
 }
 
+/// More than any workgroup beyond the last row writes.
+const GUARD_BYTES: usize = 64 << 10;
+const NONSENSE: u8 = 0xa5;
+
 /// No device is a failure, unless the environment says out loud that there is none.
 pub fn no_device(sentence: &str) {
     assert!(
@@ -95,9 +99,19 @@ impl Device {
         buffer
     }
 
-    /// Room for `count` values, full of nonsense.
+    /// Room for `count` values and a guard behind them, full of nonsense.
     pub fn room<T: bytemuck::Pod>(&self, name: &'static str, count: usize) -> Buffer {
-        self.filled(name, &vec![0xa5u8; count * size_of::<T>()])
+        self.filled(name, &vec![NONSENSE; count * size_of::<T>() + GUARD_BYTES])
+    }
+
+    /// What was written into a room; nobody may have written behind it.
+    pub fn written<T: bytemuck::Pod>(&self, room: &Buffer) -> Vec<T> {
+        let mut bytes = self.values::<u8>(room);
+        let guard = bytes.split_off(bytes.len() - GUARD_BYTES);
+        assert!(guard.iter().all(|byte| *byte == NONSENSE), "{}: written behind it", room.name());
+        let mut values = vec![T::zeroed(); bytes.len() / size_of::<T>()];
+        bytemuck::cast_slice_mut(&mut values).copy_from_slice(&bytes);
+        values
     }
 
     pub fn values<T: bytemuck::Pod>(&self, buffer: &Buffer) -> Vec<T> {

@@ -36,7 +36,7 @@ fn resolved(
         resolve::record(recorder, &pipeline, &resources, &push);
     });
     let counters = device.values::<u32>(&counters);
-    (device.values(&picture), [counters[0], counters[1]])
+    (device.written(&picture), [counters[0], counters[1]])
 }
 
 /// Against f64: 3e-7 of the value on any device, which is what pictures are promised from. Against

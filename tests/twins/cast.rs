@@ -37,7 +37,7 @@ fn by_cast(
         let resources = cast::Resources { views, picture, counters, scene: scene.resources() };
         cast::record(recorder, &pipeline, &resources, push);
     });
-    (device.values(&picture), device.values(&counters))
+    (device.written(&picture), device.values(&counters))
 }
 
 /// The same through ray states, two blocks a dispatch.
@@ -75,7 +75,7 @@ fn by_stages(
         let resources = resolve::Resources { ray_state, picture, counters };
         resolve::record(recorder, &finish, &resources, &push);
     });
-    (device.values(&picture), device.values(&counters))
+    (device.written(&picture), device.values(&counters))
 }
 
 #[test]

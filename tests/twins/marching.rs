@@ -1,6 +1,7 @@
 //! march.comp against twins::march: ray states of random rays through random media.
 
 use ashfall::passes::march_shape::FilterShape;
+use ashfall::twins::exponential::attenuate;
 use ashfall::twins::march::march;
 use ashfall::twins::ray::{RayGeometry, RayState};
 use ashfall::twins::ray_march::Settings;
@@ -86,10 +87,15 @@ fn check(device: &Device, conversion: &Conversion, random: &mut Random, case: &C
         assert!(early.count() > 3, "{}: no ray stops early", case.what);
     }
 
-    let quads = !case.channels.iter().any(|(kind, _)| *kind == Kind::Rgba8);
-    let filters =
-        if quads { &[FilterShape::Quads, FilterShape::Fetch][..] } else { &[FilterShape::Fetch] };
-    let tame = case.extinctions == TAME;
+    let filters = match case.channels {
+        channels if channels.iter().any(|(kind, _)| *kind == Kind::Rgba8) => {
+            &[FilterShape::Fetch][..]
+        }
+        // Eight channels fetched texel by texel take lavapipe half a minute to compile.
+        [_, _, _, _, ..] => &[FilterShape::Quads],
+        _ => &[FilterShape::Quads, FilterShape::Fetch],
+    };
+    let tame = case.extinctions != WILD;
     for filter in filters {
         let pipeline =
             device.pipeline(&medium.shape(*filter, case.early_stop.is_some()).variant("march"));
@@ -129,6 +135,7 @@ fn one_channel_of_each_kind_equals_the_twin() {
             case("f32, 24 segments", &[(Kind::F32, 24)], None),
             case("with NaN", &[(Kind::Holes, 5)], Some(0.4)),
             case("huge", &[(Kind::Huge, 6)], None),
+            case("quarters", &[(Kind::Quarters, 6)], None),
             case("rgba", &[(Kind::Rgba8, 4)], Some(0.4)),
         ],
     );
@@ -154,11 +161,51 @@ fn segments_that_are_searched_equal_the_twin() {
         12,
         &[
             case("300 segments", &[(Kind::F32, 300)], Some(0.4)),
+            case("quarters", &[(Kind::Quarters, 40)], None),
             case("25 and one", &[(Kind::U16, 25), (Kind::Constant, 1), (Kind::Rgba8, 2)], None),
-            // 25 searched in a buffer: one more than the last power of two, and a power of two itself.
+            // Counts around a power of two: one more than the last power of two, and a power of two itself.
             case("33 and 64", &[(Kind::U8, 33), (Kind::F32, 64)], None),
         ],
     );
+}
+
+/// Blocks of optical depth 1 exactly: a ray stops behind the first one, and only then, if less than
+/// the bound is transmitted.
+#[test]
+fn rays_stop_at_their_bound_to_the_last_bit() {
+    let Some(device) = device() else { return };
+    let mut medium = Medium::random(&mut Random(15), SIZE, &[(Kind::Constant, 1)], TAME);
+    medium.segments[0][0].start = [1.0; 4];
+    let ray = RayGeometry { sample_count: 100, step_world: 1.0 / 32.0, ..RayGeometry::default() };
+    let pipeline = device.pipeline(&medium.shape(FilterShape::Fetch, true).variant("march"));
+    let scene = medium.on(&device, FilterShape::Fetch);
+    let stops_after = |bound: f32| {
+        let fresh = [RayState::default()];
+        let after = marched(&device, &pipeline, &scene, &[ray], &fresh, Some(bound), &[4]);
+        assert_eq!(after[0].next_sample, 100);
+        after[0].samples_taken
+    };
+    let fresh = [RayState::default()];
+    let open = device.pipeline(&medium.shape(FilterShape::Fetch, false).variant("march"));
+    let after = marched(&device, &open, &scene, &[ray], &fresh, None, &[1]);
+    assert_eq!((after[0].optical_depth, after[0].next_sample), (1.0, 32));
+    let transmitted = attenuate(1.0).transmitted;
+    let ulps = if device.same_bits() { 0 } else { 3 };
+    let bits = transmitted.to_bits();
+    assert_eq!(stops_after(f32::from_bits(bits - ulps)), 64, "not less than the bound");
+    assert_eq!(stops_after(f32::from_bits(bits + ulps + 1)), 32, "less than the bound");
+}
+
+#[test]
+fn every_number_of_selected_segments_equals_the_twin() {
+    let channels: Vec<(Kind, u32)> = (1..=24).map(|segments| (Kind::F32, segments)).collect();
+    let case = |channels| Case {
+        what: "8 counts of segments",
+        channels,
+        extinctions: [-3.0, -0.5],
+        early_stop: None,
+    };
+    check_all(14, &channels.chunks(8).map(case).collect::<Vec<_>>());
 }
 
 #[test]
@@ -170,6 +217,10 @@ fn extinctions_from_1e_minus_24_to_1e24_equal_the_twin() {
             case("wild constant", &[(Kind::Constant, 1)], None),
             case("wild scalar", &[(Kind::F32, 24)], Some(1e-3)),
             case("wild scalar to the end", &[(Kind::F32, 24)], None),
+            Case {
+                extinctions: [-24.0, -21.0],
+                ..case("faint", &[(Kind::F32, 3), (Kind::U8, 2)], None)
+            },
             case("wild channels", &[(Kind::F32, 5), (Kind::U8, 9), (Kind::Rgba8, 3)], None),
         ],
     );

@@ -26,6 +26,8 @@ pub enum Kind {
     Holes,
     /// f32 up to the greatest finite one.
     Huge,
+    /// f32 of quarters, and segments that begin at quarters: values meet borders exactly.
+    Quarters,
     Rgba8,
     Constant,
 }
@@ -64,6 +66,11 @@ impl Medium {
                 Kind::Huge => {
                     let voxel = |unit: f64| if unit < 0.3 { 0.0 } else { f32::MAX };
                     Raw::F32((0..count).map(|_| voxel(unit())).collect())
+                }
+                Kind::Quarters => {
+                    let [width, height] = [apron[0] as usize, apron[1] as usize];
+                    let place = |at: usize| at % width / 4 + at / width % height / 3;
+                    Raw::F32((0..count).map(|at| (place(at) % 5) as f32 * 0.25).collect())
                 }
                 Kind::Rgba8 => {
                     Raw::Rgba8((0..count).map(|_| [0; 4].map(|_| (unit() * 256.0) as u8)).collect())
@@ -147,31 +154,32 @@ impl OnDevice {
 /// Pieces with a jump at each border, some borders twice in one place; windows that clamp both ends.
 fn transfer(random: &mut Random, kind: Kind, count: u32, at: Powers) -> Vec<TransferSegment> {
     let mut borders: Vec<f32> = (1..count).map(|_| random.unit() as f32).collect();
+    if kind == Kind::Quarters {
+        borders.iter_mut().for_each(|border| *border = (*border * 5.0).floor() * 0.25);
+    }
     borders.sort_by(f32::total_cmp);
     for index in (4..borders.len()).step_by(5) {
         borders[index] = borders[index - 1];
     }
-    let window_scale = if kind == Kind::Huge { 1.2 / f32::MAX } else { 1.2 };
+    let (window_scale, window_offset) = match kind {
+        Kind::Huge => (1.2 / f32::MAX, -0.1),
+        Kind::Quarters => (1.0, 0.0),
+        _ => (1.2, -0.1),
+    };
     std::iter::once(0.0)
         .chain(borders)
         .map(|begins_at| {
             let extinction = 10f64.powf(random.between(at[0], at[1])) as f32;
             let mut color = || random.between(-1.0, 1.0) as f32;
-            let slope = [color(), color(), color(), color() * extinction];
+            let slope = [color(), color(), color(), 3.0 * color() * extinction];
             let start = [color() + 1.5, color() + 1.5, color() + 1.5, extinction];
-            TransferSegment {
-                start,
-                slope,
-                begins_at,
-                window_scale,
-                window_offset: -0.1,
-                unused_0: 0.0,
-            }
+            TransferSegment { start, slope, begins_at, window_scale, window_offset, unused_0: 0.0 }
         })
         .collect()
 }
 
-/// Rays from anywhere inside a volume to anywhere else, every seventh of them empty.
+/// Rays from anywhere inside a volume to anywhere else, every seventh of them empty; every fifth steps
+/// one whole voxel down along x and stays where it is along y.
 pub fn inner_rays(random: &mut Random, size: [u32; 3], count: usize) -> Vec<RayGeometry> {
     let mut ray = |index: usize| {
         let samples = pick(random, &[1, 2, 31, 32, 33, 64, 150, 200]);
@@ -192,6 +200,13 @@ pub fn inner_rays(random: &mut Random, size: [u32; 3], count: usize) -> Vec<RayG
             (geometry.delta_cell[axis], geometry.delta_fraction[axis]) =
                 fixed((end - start) / f64::from(samples));
         }
+        if index % 5 == 4 {
+            geometry.start_cell[0] = size[0] as i32 - 1;
+            geometry.delta_cell = [-1, 0, geometry.delta_cell[2]];
+            geometry.delta_fraction = [0, 0, geometry.delta_fraction[2]];
+            geometry.sample_count = geometry.sample_count.min(size[0]);
+            geometry.start_fraction[0] = 1 << 30;
+        }
         geometry
     };
     (0..count).map(&mut ray).collect()
@@ -207,8 +222,10 @@ pub fn marched(
     early_stop: Option<f32>,
     blocks: &[u32],
 ) -> Vec<RayState> {
-    let ray_geometry = device.filled("ray_geometry", geometry);
-    let ray_state = device.filled("ray_state", states);
+    // Rays behind the tile, which nobody may move.
+    let (behind, fresh) = (vec![geometry[0]; 2048], vec![RayState::default(); 2048]);
+    let ray_geometry = device.filled("ray_geometry", &[geometry, &behind].concat());
+    let ray_state = device.filled("ray_state", &[states, &fresh].concat());
     device.run(|recorder| {
         for blocks_max in blocks {
             let resources = march::Resources {
@@ -225,7 +242,9 @@ pub fn marched(
         }
         recorder.host_read(&ray_state);
     });
-    device.values(&ray_state)
+    let mut after = device.values::<RayState>(&ray_state);
+    assert_eq!(after.split_off(geometry.len()), fresh, "rays behind the tile are moved");
+    after
 }
 
 /// Blocks of the longest of these rays.

@@ -114,7 +114,7 @@ pub fn sums(device: &Device, shape: ProbeShape, image: &Image, push: &Push) -> V
     let room = device.room::<f32>("sums", lines);
     let probed = (shape != ProbeShape::Loop).then_some((image, &sampler));
     device.run(|recorder| probe::record(recorder, &pipeline, probed, &room, push));
-    device.values(&room)
+    device.written(&room)
 }
 
 #[test]

@@ -65,12 +65,13 @@ impl Placed {
 
     /// Along an axis of the world: directions have parts that are zero.
     pub fn view_along_axis(&self, random: &mut Random) -> View {
-        let target = self.point(DVec3::splat(0.5));
+        let target = self.point(DVec3::from_array([0; 3].map(|_| random.unit())));
         let along = pick(random, &[0, 1, 2]);
         let length = self.diagonal_world() * pick(random, &[1.0, -1.0]);
         let eye = target + DVec3::AXES[along] * length;
         let up = DVec3::AXES[(along + 1) % 3];
-        let projection = Projection::Orthographic { height: length.abs() * 1.2 };
+        let projection =
+            Projection::Orthographic { height: length.abs() * random.between(1e-3, 1.0) };
         View::looking_at("axis".to_owned(), eye, target, up, projection).expect("a good view")
     }
 
