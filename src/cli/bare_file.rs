@@ -21,7 +21,7 @@ const COLORS: [[f64; 3]; 4] =
 /// Part of the window that stays invisible: background and noise.
 const HIDDEN_PART: f64 = 0.15;
 /// Optical depth of a ray through the whole volume at the window's top.
-const DEPTH_AT_TOP: f64 = 40.0;
+const DEPTH_AT_TOP: f64 = 16.0;
 /// What the view shows beside the volume.
 const MARGIN: f64 = 1.05;
 const FOV_DEGREES: f64 = 35.0;
