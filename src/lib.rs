@@ -12,6 +12,7 @@ pub mod reference;
 pub mod render;
 pub mod scene;
 pub mod source;
+pub mod store;
 pub mod study;
 pub mod twins;
 pub mod volume;

@@ -10,21 +10,25 @@ struct Attenuation {
     float absorbed;     // 1 - exp(-x)
 };
 
-Attenuation attenuate(float x) {
+// For x within 0 and OPAQUE_DEPTH.
+Attenuation attenuate_bounded(float x) {
     // x = halvings * ln 2 + rest, |rest| <= ln 2 / 2; ln 2 in two parts, so that the rest is exact.
-    float bounded = min(x, 87.0);
-    float halvings = floor(bounded * 1.44269504 + 0.5);
-    precise float rest = (bounded - halvings * 0.693359375) + halvings * 2.12194440e-4;
-    // 1 - exp(-rest): Taylor to degree 8, 3e-9 of the result at the interval's ends.
-    float rest_absorbed = 2.48015873e-5;
-    rest_absorbed = 1.98412698e-4 - rest * rest_absorbed;
-    rest_absorbed = 1.38888889e-3 - rest * rest_absorbed;
-    rest_absorbed = 8.33333333e-3 - rest * rest_absorbed;
-    rest_absorbed = 4.16666667e-2 - rest * rest_absorbed;
-    rest_absorbed = 1.66666667e-1 - rest * rest_absorbed;
-    rest_absorbed = 0.5 - rest * rest_absorbed;
-    rest_absorbed = rest - rest * rest * rest_absorbed;
-    float scale = uintBitsToFloat((127u - uint(halvings)) << 23);
+    int halvings = int(x * 1.44269504 + 0.5);
+    float counted = float(halvings);
+    float rest = (x - counted * 0.693359375) + counted * 2.12194440e-4;
+    // (1 - exp(-rest)) / rest: minimax polynomial, relative error 1.1e-8 on that interval.
+    float slope = -1.38888694e-3;
+    slope = slope * rest + 8.36910494e-3;
+    slope = slope * rest - 4.16671373e-2;
+    slope = slope * rest + 1.66665062e-1;
+    slope = slope * rest - 0.49999997;
+    slope = slope * rest + 1.0;
+    float rest_absorbed = rest * slope;
+    float scale = intBitsToFloat((127 - halvings) << 23);
     return Attenuation(scale - scale * rest_absorbed, (1.0 - scale) + scale * rest_absorbed);
+}
+
+Attenuation attenuate(float x) {
+    return attenuate_bounded(min(x, OPAQUE_DEPTH));
 }
 #endif

@@ -6,5 +6,5 @@
 // Rays of one workgroup along x and y. Eight lanes along x: lavapipe runs narrower groups slower.
 #define GROUP_WIDTH 8
 #define GROUP_HEIGHT 8
-// Optical depth of one sample, at most: far beyond opaque, and a million of them sum without overflow.
-#define DEPTH_OF_SAMPLE_MAX 1.0e6
+// Optical depth taken for opaque: exp(-87) is the smallest that f32 holds as a normal number.
+#define OPAQUE_DEPTH 87.0

@@ -150,15 +150,16 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
             Medium medium = Medium(vec3(0.0), 0.0);
             SAMPLE_CHANNELS
             // Beyond this nothing is seen, and sums of it stay finite.
-            float depth = min(medium.extinction * geometry.step_world, DEPTH_OF_SAMPLE_MAX);
-            Attenuation attenuation = attenuate(depth);
+            float depth = min(medium.extinction * geometry.step_world, OPAQUE_DEPTH);
+            Attenuation attenuation = attenuate_bounded(depth);
 #ifdef SEVERAL_CHANNELS
             vec3 color = medium.emission / max(medium.extinction, 1.0e-37);
 #else
             vec3 color = medium.emission;
 #endif
-            block_color += (block_transmitted * attenuation.absorbed) * color;
-            block_transmitted *= attenuation.transmitted;
+            float weight = block_transmitted * attenuation.absorbed;
+            block_color += weight * color;
+            block_transmitted -= weight;
             block_depth += depth;
         }
         // Blocks are joined by the exponential of the summed optical depth: products stay short.

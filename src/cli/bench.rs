@@ -1,10 +1,13 @@
 //! `ashfall bench`: prices, as ratios within one run.
 
 mod sample;
+mod store;
 
 use clap::{Args, Subcommand};
 
 use crate::error::Result;
+
+pub use store::peak_rss_bytes;
 
 /// Measure prices on this machine, as ratios within one run.
 #[derive(Args)]
@@ -16,11 +19,13 @@ pub struct Arguments {
 #[derive(Subcommand)]
 enum Bench {
     Sample(sample::Arguments),
+    Store(store::Arguments),
 }
 
 /// Runs one bench.
 pub fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.bench {
         Bench::Sample(arguments) => sample::run(arguments),
+        Bench::Store(arguments) => store::run(arguments),
     }
 }

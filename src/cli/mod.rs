@@ -3,9 +3,13 @@
 //! What was typed is parsed by clap, turned into what it means, and run by one `match`. Results go to
 //! stdout, progress and logs to stderr.
 
+mod bare_file;
 mod bench;
 mod compare;
 mod devices;
+mod import;
+mod info;
+mod interrupt;
 mod load;
 mod output;
 mod picture_file;
@@ -14,6 +18,7 @@ mod progress;
 mod reference;
 mod render;
 mod scene_flags;
+mod verify;
 
 use std::process::ExitCode;
 
@@ -44,6 +49,9 @@ enum Command {
     Compare(compare::Arguments),
     Reference(reference::Arguments),
     Devices(devices::Arguments),
+    Import(import::Arguments),
+    Info(info::Arguments),
+    Verify(verify::Arguments),
     Bench(bench::Arguments),
 }
 
@@ -73,6 +81,9 @@ fn run(command: Command) -> Result<()> {
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Reference(arguments) => reference::run(&arguments),
         Command::Devices(arguments) => devices::run(&arguments),
+        Command::Import(arguments) => import::run(&arguments),
+        Command::Info(arguments) => info::run(&arguments),
+        Command::Verify(arguments) => verify::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
     }
 }

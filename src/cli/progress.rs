@@ -4,6 +4,24 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+/// A bar of bytes done of bytes in all; silent where nobody watches.
+pub fn bytes(verb: &'static str) -> ProgressBar {
+    bar(verb, "{msg} {wide_bar} {bytes} of {total_bytes}, {binary_bytes_per_sec}, {eta} left")
+}
+
+/// A bar of bricks done of bricks in all; silent where nobody watches.
+pub fn bricks(verb: &'static str) -> ProgressBar {
+    bar(verb, "{msg} {wide_bar} {pos} of {len} bricks, {per_sec}, {eta} left")
+}
+
+fn bar(verb: &'static str, template: &str) -> ProgressBar {
+    let bar = ProgressBar::new(0).with_message(verb);
+    match ProgressStyle::with_template(template) {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
 /// Steps of the bar; progress is told as a part of 1.
 const STEPS: u64 = 1000;
 

@@ -1,4 +1,5 @@
-//! Other people's formats to voxels, as a stream whose memory does not grow with the file.
+//! Other people's formats to voxels, as a stream whose memory does not grow with the file, and such a
+//! stream to a store, in one pass and bounded memory ([`import()`]).
 //!
 //! [`open`] reads the header and checks its promises against the file's length; the voxels then come
 //! once, as [`Run`]s in the file's own order. Voxels stay as stored: slope and intercept are handed
@@ -10,15 +11,25 @@
 
 mod base64;
 mod blocks;
+mod build;
 mod bytes;
+mod chain;
+mod coarsen;
+mod convert;
+mod cut;
+mod level_slices;
 mod linear;
 mod metaimage;
 mod nifti;
 mod nrrd;
 mod numpy;
+mod pipeline;
 mod raw;
+mod reduce;
 mod sample;
 mod segy;
+mod slices;
+mod stored;
 mod stream;
 mod text;
 mod tiff;
@@ -30,8 +41,10 @@ mod zip;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::store::Store;
 use crate::volume::{RawLayout, Size3, VoxelFormat, Voxels, WorldFromVoxel};
 
+pub use pipeline::{Progress, Settings, Summary, import, import_from};
 pub use whole::read_whole;
 
 /// About the most bytes of voxels in one run.
@@ -128,6 +141,9 @@ impl Default for SegyFields {
 /// # Errors
 /// When the file cannot be read, its format is unknown, or its header cannot be true.
 pub fn open(path: &Path, options: &Options) -> Result<Box<dyn Input>> {
+    if Store::is_store(path) {
+        return stored::open(path, options);
+    }
     let placed = |why: Error| why.at(path.display());
     let input = recognise(path, options).map_err(placed)?;
     let mut header = Header { path: path.to_owned(), ..input.header().clone() };

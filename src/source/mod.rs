@@ -1,7 +1,15 @@
-//! Volumes that no file holds: computed voxel by voxel, in any box, at any size.
+//! Where bricks come from: one trait over stores, computed volumes of any size, and the faulty wrappers
+//! of tests.
 
+mod brick_source;
 mod computed;
+mod description;
+pub mod faulty;
+mod field_source;
 mod formula;
 mod mandelbulb;
 
+pub use brick_source::{BrickEntry, BrickSource, read_checked};
 pub use computed::{Computed, KINDS, computed};
+pub use description::{ChannelDescription, Description};
+pub use field_source::{Field, FieldSource};

@@ -1,5 +1,7 @@
 //! exp(-x) and 1 - exp(-x) for x >= 0; twin of `shaders/common/exponential.glsl`.
 
+use crate::twins::limits::OPAQUE_DEPTH;
+
 /// See the module.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Attenuation {
@@ -9,24 +11,27 @@ pub struct Attenuation {
     pub absorbed: f32,
 }
 
-/// Attenuation over an optical depth of `x`.
+/// Attenuation over an optical depth of `x`, at most [`OPAQUE_DEPTH`].
 #[allow(clippy::excessive_precision, clippy::approx_constant, reason = "the shader's own digits")]
-pub fn attenuate(x: f32) -> Attenuation {
-    let bounded = x.min(87.0);
-    let halvings = (bounded * 1.442_695_04 + 0.5).floor();
-    let rest = (bounded - halvings * 0.693_359_375) + halvings * 2.121_944_40e-4;
-    let mut rest_absorbed = 2.480_158_73e-5;
-    for coefficient in
-        [1.984_126_98e-4, 1.388_888_89e-3, 8.333_333_33e-3, 4.166_666_67e-2, 1.666_666_67e-1, 0.5]
-    {
-        rest_absorbed = coefficient - rest * rest_absorbed;
+pub fn attenuate_bounded(x: f32) -> Attenuation {
+    let halvings = (x * 1.442_695_04 + 0.5) as i32;
+    let counted = halvings as f32;
+    let rest = (x - counted * 0.693_359_375) + counted * 2.121_944_40e-4;
+    let mut slope = -1.388_886_94e-3f32;
+    for coefficient in [8.369_104_94e-3, -4.166_713_73e-2, 1.666_650_62e-1, -0.499_999_97, 1.0] {
+        slope = slope * rest + coefficient;
     }
-    rest_absorbed = rest - rest * rest * rest_absorbed;
-    let scale = f32::from_bits((127 - halvings as u32) << 23);
+    let rest_absorbed = rest * slope;
+    let scale = f32::from_bits(((127 - halvings) << 23) as u32);
     Attenuation {
         transmitted: scale - scale * rest_absorbed,
         absorbed: (1.0 - scale) + scale * rest_absorbed,
     }
+}
+
+/// Attenuation over any optical depth.
+pub fn attenuate(x: f32) -> Attenuation {
+    attenuate_bounded(x.min(OPAQUE_DEPTH))
 }
 
 #[cfg(test)]

@@ -6,5 +6,5 @@ pub const BLOCK_SAMPLES: u32 = 32;
 pub const GROUP_WIDTH: u32 = 8;
 /// Rays of one workgroup along y.
 pub const GROUP_HEIGHT: u32 = 8;
-/// Optical depth of one sample, at most.
-pub const DEPTH_OF_SAMPLE_MAX: f32 = 1.0e6;
+/// Optical depth taken for opaque: exp(-87) is the smallest that f32 holds as a normal number.
+pub const OPAQUE_DEPTH: f32 = 87.0;

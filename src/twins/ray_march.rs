@@ -1,9 +1,9 @@
 //! A ray's way through the volume; twin of `shaders/common/ray_march.glsl`.
 
-use crate::twins::exponential::attenuate;
+use crate::twins::exponential::{attenuate, attenuate_bounded};
 use crate::twins::filter::{Texels, filtered};
 use crate::twins::fixed_point::{Fixed3, fixed_advance, fixed_float, fixed_fraction};
-use crate::twins::limits::{BLOCK_SAMPLES, DEPTH_OF_SAMPLE_MAX};
+use crate::twins::limits::{BLOCK_SAMPLES, OPAQUE_DEPTH};
 use crate::twins::ray::{RayGeometry, RayState};
 use crate::twins::transfer::{TransferSegment, classify};
 
@@ -66,13 +66,13 @@ pub fn march_ray(
             let within = std::array::from_fn(|a| position[a] - cell[a]);
             let corner = std::array::from_fn(|a| anchor.cell[a] + cell[a] as i32 + 1);
             let (color, extinction) = mixed(channels, corner, within);
-            let depth = (extinction * geometry.step_world).min(DEPTH_OF_SAMPLE_MAX);
-            let attenuation = attenuate(depth);
+            let depth = (extinction * geometry.step_world).min(OPAQUE_DEPTH);
+            let attenuation = attenuate_bounded(depth);
             let weight = block_transmitted * attenuation.absorbed;
             for (sum, part) in block_color.iter_mut().zip(color) {
                 *sum += weight * part;
             }
-            block_transmitted *= attenuation.transmitted;
+            block_transmitted -= weight;
             block_depth += depth;
         }
         let transmitted = attenuate(state.optical_depth).transmitted;

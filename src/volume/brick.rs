@@ -1,5 +1,7 @@
 //! Bricks: boxes of voxels of one level and channel.
 
+use std::fmt;
+
 use crate::volume::Size3;
 
 /// Payload voxels per axis, unless said otherwise.
@@ -22,6 +24,13 @@ pub struct BrickId {
     pub y: u32,
     /// See `x`.
     pub z: u32,
+}
+
+impl fmt::Display for BrickId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let BrickId { channel, level, x, y, z, .. } = self;
+        write!(f, "brick (channel {channel}, level {level}, x {x}, y {y}, z {z})")
+    }
 }
 
 /// How a level's voxels are cut into bricks.
@@ -60,6 +69,13 @@ impl BrickGrid {
         let end =
             std::array::from_fn(|axis| start[axis].saturating_add(payload[axis]).min(size[axis]));
         BrickBox { start, end }
+    }
+
+    /// Voxels along each axis that are kept of brick (x, y, z): its payload box and the apron.
+    pub fn stored_size(&self, brick: [u32; 3]) -> Size3 {
+        let payload = self.payload_box(brick).size();
+        let apron = 2 * BRICK_APRON;
+        Size3::new(payload.x + apron, payload.y + apron, payload.z + apron)
     }
 }
 

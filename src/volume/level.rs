@@ -36,6 +36,27 @@ impl Levels {
         }
     }
 
+    /// Levels as a file lists them, if they could have come from the rule at some spacing: the first
+    /// at scale 1, each other with axes kept or halved and some axis halved, the last one brick.
+    pub fn from_list(levels: Vec<Level>, payload: Size3) -> Option<Levels> {
+        let first = levels.first()?;
+        let last = levels.last()?;
+        let starts = first.scale == [1; 3] && !first.size.is_empty();
+        let one_brick = (0..3).all(|axis| last.size.to_array()[axis] <= payload.to_array()[axis]);
+        let steps = levels.windows(2).all(|pair| {
+            let [finer, coarser] = [pair[0], pair[1]];
+            let [size, next] = [finer.size.to_array(), coarser.size.to_array()];
+            let kept = |a: usize| size[a] == next[a] && finer.scale[a] == coarser.scale[a];
+            let halved = |a: usize| {
+                size[a] > 1
+                    && size[a].div_ceil(2) == next[a]
+                    && finer.scale[a].checked_mul(2) == Some(coarser.scale[a])
+            };
+            (0..3).all(|a| kept(a) || halved(a)) && (0..3).any(halved)
+        });
+        (starts && steps && one_brick).then_some(Levels(levels))
+    }
+
     /// How many there are, at least 1.
     pub fn count(&self) -> usize {
         self.0.len()

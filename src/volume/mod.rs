@@ -7,6 +7,7 @@ mod level;
 mod range;
 mod size;
 mod transform;
+mod voxel;
 mod voxels;
 
 pub use brick::{BRICK_APRON, BRICK_PAYLOAD_DEFAULT, BrickBox, BrickGrid, BrickId};
@@ -16,4 +17,6 @@ pub use level::{Level, Levels};
 pub use range::ValueRange;
 pub use size::Size3;
 pub use transform::WorldFromVoxel;
+pub use voxel::Voxel;
+pub(crate) use voxel::with_voxel_type;
 pub use voxels::{Voxels, sanitized};

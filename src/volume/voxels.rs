@@ -1,6 +1,6 @@
 //! The voxels of one channel in memory, x fastest, then y, then z.
 
-use crate::volume::{ValueRange, VoxelFormat};
+use crate::volume::{ValueRange, Voxel, VoxelFormat, with_voxel_type};
 
 /// Voxels as stored: no slope, intercept or window applied.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,6 +73,28 @@ impl Voxels {
             Voxels::F32(v) => ValueRange::over(v.iter().copied()),
             Voxels::Rgba8(v) => ValueRange::over(v.iter().map(|rgba| f32::from(rgba[3]))),
         }
+    }
+
+    /// As bytes, each voxel little endian.
+    pub fn bytes(&self) -> &[u8] {
+        match self {
+            Voxels::U8(v) => v,
+            Voxels::U16(v) => bytemuck::cast_slice(v),
+            Voxels::I16(v) => bytemuck::cast_slice(v),
+            Voxels::F32(v) => bytemuck::cast_slice(v),
+            Voxels::Rgba8(v) => bytemuck::cast_slice(v),
+        }
+    }
+
+    /// From such bytes; a rest shorter than a voxel is left out.
+    pub fn from_bytes(format: VoxelFormat, bytes: &[u8]) -> Voxels {
+        with_voxel_type!(format, V => {
+            let size = format.bytes();
+            let whole = &bytes[..bytes.len() / size * size];
+            let mut voxels: Vec<V> = vec![bytemuck::Zeroable::zeroed(); whole.len() / size];
+            bytemuck::cast_slice_mut(&mut voxels).copy_from_slice(whole);
+            V::wrap(voxels)
+        })
     }
 
     /// How many voxels are NaN.

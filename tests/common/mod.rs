@@ -4,6 +4,7 @@
 #![allow(dead_code)]
 
 pub mod device;
+pub mod drawing;
 
 use std::path::PathBuf;
 

@@ -188,7 +188,7 @@ pub fn inner_rays(random: &mut Random, size: [u32; 3], count: usize) -> Vec<RayG
             step_world: random.between(0.01, 0.5) as f32,
             ..RayGeometry::default()
         };
-        for (axis, edge) in size.into_iter().enumerate() {
+        for (axis, &edge) in size.iter().enumerate() {
             // Positions have their integers at voxel centres: -1/2 is the volume's face.
             let mut place = || random.between(-0.49, f64::from(edge) - 0.51);
             let (start, end) = (place(), place());
