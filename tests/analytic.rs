@@ -52,7 +52,7 @@ fn even(extinction: f64) -> Volume {
 #[test]
 fn a_constant_slab_at_any_extinction() {
     let slab = voxels([4, 3, 5], rows([0.5, 1.0, 2.0], [0.0; 3]), |_, _, _| 1.0);
-    for extinction in [0.0, 1e-12, 1e-3, 0.7, 40.0, 1e4, 1e12, 1e30] {
+    for extinction in [0.0, 1e-12, 1e-3, 0.7, 40.0, 1e4, 1e12, 1e24] {
         let depth = 2.0 * extinction;
         let got = along_x([-3.0, 1.2, 4.4], &[(&even(extinction), &slab)]);
         assert_close(&format!("slab {extinction}"), got, scaled(RED, opacity(depth)), depth);

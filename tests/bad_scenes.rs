@@ -462,7 +462,7 @@ fn files_that_are_no_scenes() {
 
     for (path, says) in [
         (folder.path("nowhere.toml"), "nowhere.toml: "),
-        (folder.as_ref().to_owned(), "cannot be read"),
+        (folder.as_ref().join("scene.toml").join("below.toml"), "cannot be read"),
     ] {
         let run = ashfall(["render".as_ref(), path.as_os_str()]);
         let sentence = run.sentence().expect("one sentence");

@@ -7,12 +7,12 @@ use std::mem::{offset_of, size_of};
 use std::path::Path;
 
 use ashfall::gpu::{Binding, BindingKind, Member, Reflection, Shader, ShaderCompiler, Variant};
-use ashfall::passes::march::{ChannelShape, FilterShape, Shape};
+use ashfall::passes::march_shape::{ChannelShape, FilterShape, Shape};
 use ashfall::passes::probe::{self, ProbeShape};
-use ashfall::passes::{SOURCES, march, rays, resolve};
+use ashfall::passes::{SOURCES, cast, march, rays, resolve};
 use ashfall::twins;
 use ashfall::twins::ray::{RayGeometry, RayState};
-use ashfall::twins::rays::ViewRays;
+use ashfall::twins::ray_setup::ViewRays;
 use ashfall::twins::transfer::TransferSegment;
 
 /// A struct as Rust lays it out.
@@ -83,6 +83,15 @@ fn view_rays() -> Host {
     })
 }
 
+/// The struct with the fields of `inner` in place of the field that holds it.
+fn flattened(outer: Host, field: &str, inner: Host) -> Host {
+    let fields = outer.fields.into_iter().flat_map(|(name, start, bytes)| match name == field {
+        true => inner.fields.iter().map(|(name, at, bytes)| (*name, start + at, *bytes)).collect(),
+        false => vec![(name, start, bytes)],
+    });
+    Host { name: outer.name, bytes: outer.bytes, fields: fields.collect() }
+}
+
 /// The push constants of each pass.
 fn push(shader: &str) -> Host {
     match shader {
@@ -102,6 +111,11 @@ fn push(shader: &str) -> Host {
             samples,
             step_voxel,
         }),
+        "cast" => {
+            let cast =
+                host!(twins::cast::Push { rays, blocks_max, early_stop, background, unused_0 });
+            flattened(cast, "rays", push("rays"))
+        }
         "march" => host!(march::Push { tile_size_pixel, blocks_max, early_stop }),
         "resolve" => host!(resolve::Push { background, unused_0, tile_size_pixel }),
         other => panic!("{other}.comp is new: say here which struct its push constants are"),
@@ -128,7 +142,7 @@ fn shape(channels: &[ChannelShape], filter: FilterShape) -> Shape {
     Shape { channels: channels.to_vec(), filter, early_stop: false, nan_voxels: false }
 }
 
-/// March's shapes that matter: every macro, alone and together.
+/// Shapes of marching that matter: every macro, alone and together.
 fn shapes() -> Vec<Shape> {
     use ChannelShape::Constant;
     use FilterShape::{Fetch, Quads, Sampler};
@@ -170,10 +184,14 @@ fn all() -> Vec<(&'static str, Vec<Shader>)> {
         ProbeShape::Filtered(FilterShape::Fetch),
         ProbeShape::Filtered(FilterShape::Quads),
     ];
-    let march: Vec<_> = shapes().iter().map(|shape| compiled(&shape.variant())).collect();
+    let shapes = shapes();
+    let march = shapes.iter().map(|shape| compiled(&shape.variant("march")));
+    let cast = shapes.iter().zip([1, 3].into_iter().cycle());
+    let cast = cast.map(|(shape, views)| compiled(&cast::variant(shape, views)));
     vec![
+        ("cast", cast.collect()),
         ("rays", [1, 3].iter().map(|views| compiled(&rays::variant(*views))).collect()),
-        ("march", march),
+        ("march", march.collect()),
         ("resolve", vec![compiled(&resolve::variant())]),
         ("probe", probes.iter().map(|shape| compiled(&probe::variant(*shape))).collect()),
     ]
@@ -251,10 +269,14 @@ struct Header {
     workgroup: Option<[u32; 3]>,
     variants: String,
     twin: String,
+    /// What a common file binds for whoever includes it.
+    binds: BTreeSet<String>,
+    /// Common files that the header says more in: "as common/ray_march.glsl".
+    told_in: BTreeSet<String>,
 }
 
-const SECTIONS: [&str; 8] =
-    ["reads", "writes", "updates", "shape", "spaces", "variants", "twin", "source"];
+const SECTIONS: [&str; 9] =
+    ["reads", "writes", "updates", "binds", "shape", "spaces", "variants", "twin", "source"];
 
 fn header(text: &str) -> Header {
     let mut header = Header::default();
@@ -262,6 +284,8 @@ fn header(text: &str) -> Header {
     let lines = text.lines().map_while(|line| line.strip_prefix("//")).skip(1);
     for line in lines {
         let line = line.strip_prefix(' ').unwrap_or(line);
+        let named = line.split_whitespace().filter(|word| word.starts_with("common/"));
+        header.told_in.extend(named.map(|word| word.trim_end_matches([',', ';', '.']).to_owned()));
         let mut said = line.trim();
         if !line.starts_with(' ') {
             let first = line.split_whitespace().next().unwrap_or("");
@@ -269,12 +293,16 @@ fn header(text: &str) -> Header {
             said = line.strip_prefix(section).unwrap_or(line).trim();
         }
         match section {
-            "reads" | "writes" | "updates" => {
+            "reads" | "writes" | "updates" | "binds" => {
                 let mut words = said.split_whitespace();
                 if let (Some(name), Some(of)) = (words.next(), words.next())
                     && of.starts_with('[')
                 {
-                    header.access.insert(name.to_owned(), section);
+                    if section == "binds" {
+                        header.binds.insert(name.to_owned());
+                    } else {
+                        header.access.insert(name.to_owned(), section);
+                    }
                 }
             }
             "shape" => {
@@ -362,7 +390,7 @@ fn with_includes(name: &str, texts: &mut BTreeMap<String, &'static str>) {
     }
 }
 
-/// Macros that a shader's source asks about, without those it defines itself.
+/// Macros that a shader's source asks about, without its own include guards.
 fn macros(text: &str) -> BTreeSet<&str> {
     let mut asked = BTreeSet::new();
     for line in text.lines().filter(|line| line.starts_with('#')) {
@@ -374,6 +402,8 @@ fn macros(text: &str) -> BTreeSet<&str> {
             }
         }
     }
+    let guards = text.lines().filter_map(|line| line.strip_prefix("#define "));
+    guards.filter(|name| name.ends_with("_GLSL")).for_each(|name| _ = asked.remove(name));
     asked
 }
 
@@ -420,8 +450,14 @@ fn headers_say_what_the_shaders_do() {
         let reflections: Vec<_> = variants.iter().map(|shader| &shader.reflection).collect();
         assert_eq!(header_differs(&header, &reflections), [""; 0], "{name}.comp");
         assert_eq!(header.twin, format!("src/twins/{name}.rs"));
-        let pass = repository().join(format!("src/passes/{name}.rs"));
-        let pass = std::fs::read_to_string(pass).expect("the shader's pass");
+        let pass = |name: &str| {
+            let path = repository().join(format!("src/passes/{name}.rs"));
+            std::fs::read_to_string(path).expect("the shader's pass")
+        };
+        // Passes that march share what binds the scene.
+        let shared =
+            if pass(name).contains("scene.bind(") { pass("march_shape") } else { String::new() };
+        let pass = pass(name) + &shared;
         assert_eq!(pass_differs(&header, &pass), [""; 0], "src/passes/{name}.rs");
 
         let defined = variants.iter().flat_map(|shader| &shader.variant.defines);
@@ -429,6 +465,14 @@ fn headers_say_what_the_shaders_do() {
         let mut texts = BTreeMap::new();
         with_includes(&format!("{name}.comp"), &mut texts);
         let whole: String = texts.values().copied().collect();
+        for (file, text) in &texts {
+            let of_file = crate::header(text);
+            for binding in &of_file.binds {
+                assert!(header.access.contains_key(binding), "{name}.comp does not tell {binding}");
+            }
+            let strange = of_file.told_in.iter().find(|told| !texts.contains_key(*told));
+            assert_eq!(strange, None, "{file} sends its reader to a file that {name} lacks");
+        }
         let told: String = texts.values().map(|text| crate::header(text).variants + " ").collect();
         for asked in macros(&whole) {
             assert!(
@@ -477,7 +521,7 @@ fn the_binary_carries_the_files_on_disk() {
 #[test]
 fn what_a_scene_lacks_is_not_in_the_shader() {
     for shape in shapes() {
-        let reflection = compiled(&shape.variant()).reflection;
+        let reflection = compiled(&shape.variant("march")).reflection;
         let images: Vec<_> = reflection
             .bindings
             .iter()
@@ -502,7 +546,7 @@ fn each_feature_costs_instructions() {
     use FilterShape::{Fetch, Quads, Sampler};
     let early = |shape: Shape| Shape { early_stop: true, ..shape };
     let nan = |shape: Shape| Shape { nan_voxels: true, ..shape };
-    let count = |shape: &Shape| compiled(&shape.variant()).reflection.instructions;
+    let count = |shape: &Shape| compiled(&shape.variant("march")).reflection.instructions;
     for ladder in [
         vec![
             shape(&[ChannelShape::Constant], Fetch),
@@ -613,6 +657,12 @@ fn headers_and_macros_are_read_as_written() {
     let access: Vec<_> = read.access.iter().map(|(name, sense)| (&name[..], *sense)).collect();
     assert_eq!(access, [("one", "reads"), ("three", "updates"), ("two", "reads")]);
     assert_eq!((read.workgroup, &read.twin[..]), (Some([8, 4, 1]), "src/twins/a.rs"));
-    let asked = macros("#ifdef A\n#elif defined(B) && !defined(C_2)\n// #ifdef D\n#define E\n");
+    let asked = "#ifdef A\n#elif defined(B) && !defined(C_2)\n// #ifdef D\n#define E\n";
+    let asked = macros(asked);
+    assert_eq!(macros("#ifndef A_GLSL\n#define A_GLSL\n#ifdef B"), BTreeSet::from(["B"]));
     assert_eq!(asked, BTreeSet::from(["A", "B", "C_2"]));
+    let read =
+        header("// b.glsl: it.\n//\n// binds    c  [x]  text\n// variants as common/d.glsl;\n");
+    assert_eq!(read.binds, BTreeSet::from(["c".to_owned()]));
+    assert_eq!(read.told_in, BTreeSet::from(["common/d.glsl".to_owned()]));
 }

@@ -22,8 +22,8 @@ fn hostile_transfer(random: &mut Random) -> TransferFunction {
     let mut points: Vec<(f64, [f64; 3], f64)> = Vec::new();
     for at in at {
         if points.iter().filter(|point| point.0 == at).count() < 2 {
-            let extinction = pick(random, &[0.0, 1e-300, 1e-12, 0.3, 40.0, 1e12, 1e30]);
-            let bright = pick(random, &[0.0, 1.0, 1.0, 1e6, 3e38]);
+            let extinction = pick(random, &[0.0, 1e-300, 1e-12, 0.3, 40.0, 1e12, 1e24]);
+            let bright = pick(random, &[0.0, 1.0, 1.0, 1e6, 1e8]);
             points.push((at, [random.unit() * bright, bright, 0.25], extinction));
         }
     }

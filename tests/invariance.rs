@@ -5,7 +5,7 @@ mod common;
 
 use ashfall::render::{Layout, LayoutChoice, Settings};
 use ashfall::scene::Overrides;
-use common::device::{Device, Drawn, computed_scene, scene_data};
+use common::drawing::{Device, Drawn, computed_scene, scene_data};
 
 fn overrides(early_stop: f64) -> Overrides {
     Overrides {

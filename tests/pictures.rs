@@ -13,7 +13,7 @@ use ashfall::reference::{Settings as TruthSettings, render as truth};
 use ashfall::render::SceneData;
 use ashfall::scene::Overrides;
 use ashfall::study::error_metrics::{PictureError, picture_error};
-use common::device::{Device, Drawn};
+use common::drawing::{Device, Drawn};
 
 const SIZE: [u32; 2] = [256, 256];
 
@@ -109,10 +109,14 @@ fn every_scene_is_as_good_as_the_rule_allows() {
 #[test]
 fn computed_scenes_are_as_good_as_the_rule_allows() {
     let Some(device) = Device::open() else { return };
-    let scenes = [("marschner-lobb", [41, 41, 41], 60.0), ("shells", [64, 64, 64], 35.0),
-        ("hydrogen", [64, 64, 48], 60.0), ("ramp", [32, 16, 8], 75.0)];
+    let scenes = [
+        ("marschner-lobb", [41, 41, 41], 60.0),
+        ("shells", [64, 64, 64], 35.0),
+        ("hydrogen", [64, 64, 48], 60.0),
+        ("ramp", [32, 16, 8], 75.0),
+    ];
     for (kind, size, least_db) in scenes {
-        let data = common::device::computed_scene(kind, size, &overrides(0.125));
+        let data = common::drawing::computed_scene(kind, size, &overrides(0.125));
         let truth = reference(&data, 0);
         let got = error(&device.draw(&data, 0), &truth);
         println!("{kind}: {:.2} dB ({:.2} covered)", got.whole.psnr_db, got.covered.psnr_db);
@@ -125,7 +129,7 @@ fn computed_scenes_are_as_good_as_the_rule_allows() {
 #[test]
 fn a_homogeneous_slab_is_exact_in_one_sample() {
     let Some(device) = Device::open() else { return };
-    let data = common::device::computed_scene("constant", [4, 4, 4], &overrides(0.5));
+    let data = common::drawing::computed_scene("constant", [4, 4, 4], &overrides(0.5));
     let truth = reference(&data, 0);
     let drawn = device.draw(&data, 0);
     let got = error(&drawn, &truth);

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use ashfall::render::{Layout, LayoutChoice, Plan, Settings};
 use ashfall::scene::Overrides;
-use common::device::{Device, scene_data};
+use common::drawing::{Device, scene_data};
 
 /// A scene of the ladder: volume, channel table rows, settings.
 struct Rung {

@@ -2,16 +2,14 @@
 
 mod common;
 
-use ashfall::gpu::{
-    Access, Buffer, BufferSpec, ComputePipeline, MemoryHome, Recorder, RoleKind,
-};
+use ashfall::gpu::{Access, Buffer, BufferSpec, ComputePipeline, MemoryHome, Recorder, RoleKind};
 use ashfall::passes::{rays, resolve};
 use ashfall::render::Settings;
 use ashfall::scene::Overrides;
 use ashfall::twins::ray::{RayGeometry, RayState};
 use ashfall::twins::ray_setup::ViewRays;
 use ashfall::twins::rays::Push;
-use common::device::{Device, computed_scene};
+use common::drawing::{Device, computed_scene};
 
 const TILE: [u32; 2] = [16, 16];
 
@@ -78,8 +76,7 @@ fn barriers_stand_where_data_flows_and_nowhere_else() {
     let settings = Settings { steps_per_dispatch: 32, ..Settings::default() };
     let mut renderer = device.renderer(&data, &settings);
     renderer.draw(0, &mut |_| {}).unwrap_or_else(|why| panic!("{why}"));
-    let steps: Vec<_> =
-        renderer.records().iter().flat_map(|record| record.steps.clone()).collect();
+    let steps: Vec<_> = renderer.records().iter().flat_map(|record| record.steps.clone()).collect();
     let labels: Vec<_> = steps.iter().map(|step| step.label).collect();
     assert_eq!(labels.first(), Some(&"rays"));
     assert_eq!(labels[labels.len() - 3..], ["resolve", "host_read", "host_read"]);

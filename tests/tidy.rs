@@ -74,7 +74,8 @@ const ROOMS_OF_CRATES: &[(&str, &[&str])] =
     &[("ash", &["gpu"]), ("gpu_allocator", &["gpu"]), ("clap", &["cli"]), ("toml", &["scene"])];
 
 /// Files in src/passes and src/twins that belong to no shader.
-const PASSES_ALONE: &[&str] = &["mod", "sources"];
+/// `march_shape`: what cast and march share.
+const PASSES_ALONE: &[&str] = &["march_shape", "mod", "sources"];
 const TWINS_ALONE: &[&str] = &["mod"];
 
 /// Files that may be longer than [`LINES_MAX`], and why.

@@ -4,10 +4,15 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::cli::output::{print, print_json};
+use crate::cli::scene_flags::shader_compiler;
 use crate::error::{Error, Result};
-use crate::gpu::{DeviceFacts, Gpu, Instance, Validation};
+use crate::gpu::{DeviceFacts, DeviceRequest, Gpu, Instance, Validation};
+use crate::study::sampler_precision::{SamplerError, sampler_errors};
 
 /// List this machine's Vulkan devices, what each can do, and what it lacks, if anything.
+///
+/// How precise the sampler of each usable device is, is measured: "hardware" filtering costs that
+/// much; "exact" filtering is done in the shader and costs nothing of it.
 #[derive(Args)]
 pub struct Arguments {
     /// Print one JSON object instead of text.
@@ -34,6 +39,8 @@ struct Device {
     storage_bytes_max: u64,
     heap_bytes: u64,
     timestamp_period_ns: f32,
+    /// Measured now; empty where the device is not usable.
+    sampler: Vec<SamplerError>,
 }
 
 #[derive(Serialize)]
@@ -49,8 +56,19 @@ struct Queue {
 
 /// Prints every device; ends with 4 when none is usable.
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let facts = Gpu::list(&*Instance::new(Validation::Off)?)?;
-    let report = Report { devices: facts.into_iter().map(device).collect() };
+    let instance = Instance::new(Validation::Off)?;
+    let facts = Gpu::list(&instance)?;
+    let mut devices = Vec::new();
+    for facts in facts {
+        let sampler = if facts.missing.is_empty() {
+            let request = DeviceRequest { choice: Some(facts.index.to_string()) };
+            sampler_errors(&Gpu::open(&instance, &request)?, &shader_compiler())?
+        } else {
+            Vec::new()
+        };
+        devices.push(device(facts, sampler));
+    }
+    let report = Report { devices };
     if arguments.json {
         print_json(&report)?;
     } else {
@@ -64,7 +82,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     ))
 }
 
-fn device(facts: DeviceFacts) -> Device {
+fn device(facts: DeviceFacts, sampler: Vec<SamplerError>) -> Device {
     Device {
         index: facts.index,
         name: facts.name,
@@ -90,6 +108,7 @@ fn device(facts: DeviceFacts) -> Device {
         storage_bytes_max: facts.storage_bytes_max,
         heap_bytes: facts.heap_bytes,
         timestamp_period_ns: facts.timestamp_period_ns,
+        sampler,
     }
 }
 
@@ -116,6 +135,14 @@ fn describe(device: &Device) {
             jobs.join(", "),
             queue.timestamp_bits,
             queue.copy_granularity
+        ));
+    }
+    for sampler in &device.sampler {
+        print(format_args!(
+            "   sampler on {}: wrong by up to {:.1e} of the value range{}\n",
+            sampler.texels,
+            sampler.error_max,
+            if sampler.exact { ", precise" } else { "" }
         ));
     }
     for missing in &device.missing {

@@ -69,7 +69,12 @@ fn load_volume(volume: &Volume, scene: &Scene) -> Result<VolumeVoxels> {
 }
 
 /// Refuses, before anything is allocated, voxels that `ram_mib` does not allow.
-fn check_memory(size: Size3, format: VoxelFormat, channels: usize, scene: &Scene) -> Result<()> {
+pub(super) fn check_memory(
+    size: Size3,
+    format: VoxelFormat,
+    channels: usize,
+    scene: &Scene,
+) -> Result<()> {
     let bytes = size.voxel_count() * format.bytes() as u128 * channels as u128;
     if bytes <= u128::from(scene.memory.ram_mib) << 20 {
         return Ok(());

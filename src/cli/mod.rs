@@ -3,6 +3,7 @@
 //! What was typed is parsed by clap, turned into what it means, and run by one `match`. Results go to
 //! stdout, progress and logs to stderr.
 
+mod bare_file;
 mod bench;
 mod compare;
 mod devices;

@@ -2,7 +2,6 @@
 
 use clap::Args;
 
-use crate::cli::load::load_scene;
 use crate::cli::output::{print, print_json};
 use crate::cli::scene_flags::{DeviceFlags, SceneFlags, WorkFlags, shader_compiler};
 use crate::error::Result;
@@ -26,7 +25,7 @@ pub struct Arguments {
 /// Prints the plan.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let settings = arguments.work.settings()?;
-    let data = load_scene(&arguments.scene.scene, &arguments.scene.overrides())?;
+    let data = arguments.scene.load()?;
     let gpu = arguments.device.open()?;
     let plan = Plan::new(&gpu, &shader_compiler(), &data, &settings)?;
     if arguments.json {

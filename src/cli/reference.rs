@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::cli::load::load_scene_for_reference;
 use crate::cli::output::print;
 use crate::cli::picture_file::{check_output, write_picture};
 use crate::cli::progress::Progress;
@@ -45,8 +44,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         )));
     }
     check_output(&arguments.output)?;
-    let (mut scene, voxels) =
-        load_scene_for_reference(&arguments.scene.scene, &arguments.scene.overrides())?;
+    let (mut scene, voxels) = arguments.scene.load_for_reference()?;
     keep_views(&mut scene.views, &arguments.view)?;
     let volumes: Vec<_> = scene.volumes.iter().zip(&voxels).collect();
     let mut settings = Settings { tolerance: arguments.error_max, ..Settings::default() };

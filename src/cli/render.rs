@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use crate::cli::load::load_scene;
 use crate::cli::output::{print, print_json, write_json};
 use crate::cli::picture_file::{check_output, write_picture};
 use crate::cli::progress::Progress;
@@ -57,7 +56,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let settings = arguments.work.settings()?;
     let outputs = outputs(arguments);
     outputs.iter().try_for_each(|output| check_output(output))?;
-    let mut data = load_scene(&arguments.scene.scene, &arguments.scene.overrides())?;
+    let mut data = arguments.scene.load()?;
     keep_views(&mut data.scene.views, &arguments.view)?;
     let gpu = arguments.device.open()?;
     let plan = Plan::new(&gpu, &shader_compiler(), &data, &settings)?;

@@ -1,21 +1,27 @@
 //! Flags that several commands share: a scene, what wins over it, and the device.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
 
+use crate::cli::bare_file;
+use crate::cli::import::Reading;
+use crate::cli::load::{load_scene, load_scene_for_reference};
 use crate::error::Result;
 use crate::gpu::{DeviceRequest, Gpu, Instance, ShaderCompiler, Validation};
 use crate::passes::SOURCES;
-use crate::render::{Layout, LayoutChoice, Settings};
-use crate::scene::Overrides;
+use crate::render::{Layout, LayoutChoice, SceneData, Settings};
+use crate::scene::{Overrides, Scene};
+use crate::volume::VolumeVoxels;
 
 /// A scene and what wins over it.
 #[derive(Args)]
 pub struct SceneFlags {
-    /// Scene file (TOML).
+    /// Scene (.toml); or a store or any readable file, drawn whole with a plain look.
     pub scene: PathBuf,
+    #[command(flatten, next_help_heading = "A file without a scene")]
+    reading: Reading,
     /// Picture size in pixels, across x down.
     #[arg(long, value_name = "WxH", value_parser = pixels, help_heading = "Over the scene")]
     size: Option<[u32; 2]>,
@@ -55,6 +61,26 @@ pub struct SceneFlags {
 }
 
 impl SceneFlags {
+    /// Reads the scene and its voxels.
+    pub fn load(&self) -> Result<SceneData> {
+        if is_scene(&self.scene) {
+            return load_scene(&self.scene, &self.overrides());
+        }
+        let (scene, voxels) =
+            bare_file::load(&self.scene, &self.reading.options(), &self.overrides())?;
+        SceneData::new(scene, vec![voxels])
+    }
+
+    /// As [`SceneFlags::load`], for what the reference alone can draw: several volumes.
+    pub fn load_for_reference(&self) -> Result<(Scene, Vec<VolumeVoxels>)> {
+        if is_scene(&self.scene) {
+            return load_scene_for_reference(&self.scene, &self.overrides());
+        }
+        let (scene, voxels) =
+            bare_file::load(&self.scene, &self.reading.options(), &self.overrides())?;
+        Ok((scene, vec![voxels]))
+    }
+
     /// The flags as the scene takes them.
     pub fn overrides(&self) -> Overrides {
         Overrides {
@@ -123,6 +149,11 @@ impl WorkFlags {
 /// The compiler for our shaders, with the user's cache.
 pub fn shader_compiler() -> ShaderCompiler {
     ShaderCompiler::new(SOURCES, ShaderCompiler::user_cache())
+}
+
+/// Everything that ends in .toml is a scene; everything else is for import to recognise.
+fn is_scene(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"))
 }
 
 fn pixels(text: &str) -> std::result::Result<[u32; 2], String> {

@@ -4,3 +4,4 @@
 pub mod clock;
 pub mod error_metrics;
 pub mod sample_price;
+pub mod sampler_precision;

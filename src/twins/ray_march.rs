@@ -69,15 +69,15 @@ pub fn march_ray(
             let depth = (extinction * geometry.step_world).min(OPAQUE_DEPTH);
             let attenuation = attenuate_bounded(depth);
             let weight = block_transmitted * attenuation.absorbed;
-            for part in 0..3 {
-                block_color[part] += weight * color[part];
+            for (sum, part) in block_color.iter_mut().zip(color) {
+                *sum += weight * part;
             }
             block_transmitted -= weight;
             block_depth += depth;
         }
         let transmitted = attenuate(state.optical_depth).transmitted;
-        for part in 0..3 {
-            state.color[part] += transmitted * block_color[part];
+        for (sum, part) in state.color.iter_mut().zip(block_color) {
+            *sum += transmitted * part;
         }
         let sum = state.optical_depth + block_depth;
         state.optical_depth_rest += block_depth - (sum - state.optical_depth);

@@ -1,130 +1,140 @@
-//! A device under validation, and drawing on it.
-#![allow(dead_code, reason = "not every test needs all of it")]
+//! A device for a test, watched by validation and held to silence at the end; buffers made by hand.
 
-use std::path::Path;
+use std::cell::RefCell;
 use std::sync::Arc;
 
-use ashfall::gpu::{DeviceRequest, Gpu, Instance, Record, ShaderCompiler, Validation};
+use ashfall::gpu::{
+    Buffer, BufferSpec, ComputePipeline, DeviceRequest, Gpu, Image, ImageFormat, ImageSpec,
+    Instance, MemoryHome, Recorder, RoleKind, ShaderCompiler, Staging, TimePoint, Validation,
+    Variant,
+};
 use ashfall::passes::SOURCES;
-use ashfall::render::{Picture, Plan, Renderer, SceneData, Settings, Statistics};
-use ashfall::scene::{Overrides, Scene, Source};
-use ashfall::source::computed;
-use ashfall::volume::WorldFromVoxel;
 
-/// An open device; validation with synchronization checks watches.
+/// An open device. Dropped last, it fails the test for any word of validation.
 pub struct Device {
     pub gpu: Arc<Gpu>,
     pub compiler: ShaderCompiler,
+    uploaded: RefCell<Vec<TimePoint>>,
+    // After `gpu`, so that what the device's end draws is heard too.
+    _watch: Watch,
 }
 
-/// What drawing one view gave.
-pub struct Drawn {
-    pub picture: Picture,
-    pub statistics: Statistics,
-    pub records: Vec<Record>,
+struct Watch(Arc<Instance>);
+
+impl Drop for Watch {
+    fn drop(&mut self) {
+        if !std::thread::panicking() {
+            let said: Vec<String> = self.0.messages().into_iter().map(|said| said.text).collect();
+            assert!(said.is_empty(), "validation says:\n{}", said.join("\n"));
+        }
+    }
+}
+
+/// More than any workgroup beyond the last row writes.
+const GUARD_BYTES: usize = 64 << 10;
+const NONSENSE: u8 = 0xa5;
+
+/// No device is a failure, unless the environment says out loud that there is none.
+pub fn no_device(sentence: &str) {
+    assert!(
+        std::env::var_os("ASHFALL_NO_DEVICE").is_some(),
+        "no Vulkan device: install one, or set ASHFALL_NO_DEVICE=1 to do without: {sentence}"
+    );
+    eprintln!("SKIPPED, because ASHFALL_NO_DEVICE is set: {sentence}");
+}
+
+/// The device that `ASHFALL_DEVICE` names, else one that is a CPU: results that are compared bit by
+/// bit must not come from another device unnoticed.
+pub fn open() -> Option<(Arc<Gpu>, Arc<Instance>)> {
+    let choice = std::env::var("ASHFALL_DEVICE").ok();
+    let request = DeviceRequest { choice: choice.clone() };
+    let opened = Instance::new(Validation::On)
+        .and_then(|instance| Ok((Gpu::open(&instance, &request)?, instance)));
+    let (gpu, instance) = match opened {
+        Ok(opened) => opened,
+        Err(why) => {
+            no_device(&why.message);
+            return None;
+        }
+    };
+    let facts = gpu.facts();
+    eprintln!("device: {} ({}), {}", facts.name, facts.kind, facts.driver);
+    assert!(
+        choice.is_some() || (facts.kind == "cpu" && facts.driver.contains("llvmpipe")),
+        "{} is not lavapipe: name it in ASHFALL_DEVICE to test on it",
+        facts.name
+    );
+    Some((gpu, instance))
+}
+
+/// As [`open`], held to silence at the end.
+pub fn device() -> Option<Device> {
+    let (gpu, instance) = open()?;
+    Some(Device {
+        gpu,
+        compiler: ShaderCompiler::new(SOURCES, None),
+        uploaded: RefCell::default(),
+        _watch: Watch(instance),
+    })
 }
 
 impl Device {
-    /// Opens the device that tests run on: lavapipe, unless ASHFALL_DEVICE names another. Without a
-    /// device the test fails, unless ASHFALL_NO_DEVICE says out loud that there is none.
-    pub fn open() -> Option<Device> {
-        if std::env::var_os("ASHFALL_NO_DEVICE").is_some() {
-            eprintln!("SKIPPED: ASHFALL_NO_DEVICE is set");
-            return None;
-        }
-        let choice = std::env::var("ASHFALL_DEVICE").ok();
-        let named = choice.is_some();
-        let request = DeviceRequest { choice: choice.or(Some("llvmpipe".to_owned())) };
-        let instance = Instance::new(Validation::On).unwrap_or_else(|why| panic!("{why}"));
-        let gpu = Gpu::open(&instance, &request).unwrap_or_else(|why| panic!("{why}"));
-        let facts = gpu.facts();
-        println!("on {} ({})", facts.name, facts.driver);
-        assert!(named || facts.driver.contains("llvmpipe"), "tests run on lavapipe: {facts:?}");
-        let cache = std::env::temp_dir().join("ashfall-test-spirv");
-        let compiler = ShaderCompiler::new(SOURCES, Some(cache));
-        Some(Device { gpu, compiler })
+    /// Whether results equal the twins' bit by bit: CPUs here do each f32 operation as written.
+    /// Elsewhere drivers may join a multiplication and an addition.
+    pub fn same_bits(&self) -> bool {
+        self.gpu.facts().kind == "cpu"
     }
 
-    pub fn plan(&self, data: &SceneData, settings: &Settings) -> Plan {
-        let settings = settings.checked().unwrap_or_else(|why| panic!("{why}"));
-        Plan::new(&self.gpu, &self.compiler, data, &settings).unwrap_or_else(|why| panic!("{why}"))
+    pub fn pipeline(&self, variant: &Variant) -> Arc<ComputePipeline> {
+        let shader = self.compiler.compile(variant).expect("the variant compiles");
+        ComputePipeline::new(&self.gpu, shader).expect("a pipeline")
     }
 
-    pub fn renderer(&self, data: &SceneData, settings: &Settings) -> Renderer {
-        Renderer::new(&self.gpu, self.plan(data, settings), data)
-            .unwrap_or_else(|why| panic!("{why}"))
+    /// A buffer that holds `values`, and that the host reads back.
+    pub fn filled<T: bytemuck::NoUninit>(&self, name: &'static str, values: &[T]) -> Buffer {
+        let data: &[u8] = bytemuck::cast_slice(values);
+        let spec = BufferSpec { name, bytes: data.len() as u64, home: MemoryHome::Readback };
+        let buffer = Buffer::new(&self.gpu, &spec).expect("a buffer");
+        buffer.write(0, data).expect("written");
+        buffer
     }
 
-    pub fn draw(&self, data: &SceneData, view: usize) -> Drawn {
-        self.draw_with(data, view, &Settings::default())
+    /// Room for `count` values and a guard behind them, full of nonsense.
+    pub fn room<T: bytemuck::Pod>(&self, name: &'static str, count: usize) -> Buffer {
+        self.filled(name, &vec![NONSENSE; count * size_of::<T>() + GUARD_BYTES])
     }
 
-    pub fn draw_with(&self, data: &SceneData, view: usize, settings: &Settings) -> Drawn {
-        let mut renderer = self.renderer(data, settings);
-        let (picture, statistics) =
-            renderer.draw(view, &mut |_| {}).unwrap_or_else(|why| panic!("{why}"));
-        Drawn { picture, statistics, records: renderer.records().to_vec() }
+    /// What was written into a room; nobody may have written behind it.
+    pub fn written<T: bytemuck::Pod>(&self, room: &Buffer) -> Vec<T> {
+        let mut bytes = self.values::<u8>(room);
+        let guard = bytes.split_off(bytes.len() - GUARD_BYTES);
+        assert!(guard.iter().all(|byte| *byte == NONSENSE), "{}: written behind it", room.name());
+        let mut values = vec![T::zeroed(); bytes.len() / size_of::<T>()];
+        bytemuck::cast_slice_mut(&mut values).copy_from_slice(&bytes);
+        values
     }
 
-    /// Validation must have been silent.
-    pub fn finish(self) {
-        let messages = self.gpu.messages();
-        assert!(messages.is_empty(), "validation said: {messages:#?}");
+    pub fn values<T: bytemuck::Pod>(&self, buffer: &Buffer) -> Vec<T> {
+        let mut values = vec![T::zeroed(); buffer.bytes() as usize / size_of::<T>()];
+        buffer.read(0, bytemuck::cast_slice_mut(&mut values)).expect("read");
+        values
     }
-}
 
-/// A scene of one computed volume in the unit cube's proportions, seen from a corner.
-pub fn computed_scene(kind: &str, size: [u32; 3], overrides: &Overrides) -> SceneData {
-    let longest = f64::from(size.into_iter().max().unwrap_or(1));
-    let [x, y, z] = size.map(|edge| f64::from(edge) / longest);
-    let text = format!(
-        r#"
-format = 1
-[[volume]]
-name = "{kind}"
-source = {{ computed = "{kind}", size = [{}, {}, {}] }}
-spacing = [{spacing}, {spacing}, {spacing}]
-[[volume.channel]]
-window = [0.0, {top}]
-transfer = [
-  {{ at = 0.0, color = [0.1, 0.2, 0.8], extinction = 0.0 }},
-  {{ at = 0.3, color = [0.2, 0.7, 0.4], extinction = 0.5 }},
-  {{ at = 0.6, color = [0.9, 0.6, 0.2], extinction = 4.0 }},
-  {{ at = 1.0, color = [1.0, 0.9, 0.8], extinction = 2.0 }},
-]
-[[view]]
-name = "corner"
-eye = [{ex}, {ey}, {ez}]
-target = [{}, {}, {}]
-up = [0.0, 0.0, 1.0]
-fov_degrees = 38.0
-"#,
-        size[0],
-        size[1],
-        size[2],
-        x / 2.0,
-        y / 2.0,
-        z / 2.0,
-        spacing = 1.0 / longest,
-        top = if ["hydrogen", "shells", "mandelbulb"].contains(&kind) { "255.0" } else { "1.0" },
-        ex = x / 2.0 + 1.3,
-        ey = y / 2.0 - 1.1,
-        ez = z / 2.0 + 0.9,
-    );
-    scene_data(&text, overrides)
-}
+    pub fn image(&self, size: [u32; 3], format: ImageFormat, texels: &[u8]) -> Image {
+        let spec = ImageSpec { name: "image", size, format };
+        let image = Image::new(&self.gpu, &spec).expect("an image");
+        let mut staging = Staging::new(&self.gpu, texels.len() as u64).expect("staging");
+        let copied = staging.copy_to_image("upload", texels, &image, [0; 3], size);
+        self.uploaded.borrow_mut().push(copied.expect("copied"));
+        staging.finish().expect("the copy ends");
+        image
+    }
 
-/// A scene given as text, all of whose volumes are computed.
-pub fn scene_data(text: &str, overrides: &Overrides) -> SceneData {
-    let scene = Scene::from_toml(text, Path::new("test.toml"), overrides)
-        .unwrap_or_else(|why| panic!("{why}"));
-    let unit = WorldFromVoxel::from_spacing([1.0; 3]).unwrap_or_else(|why| panic!("{why}"));
-    let volumes = scene.volumes.iter().map(|volume| match &volume.source {
-        Source::Computed { kind, size } => computed(kind, *size)
-            .and_then(|field| field.whole(volume.world_from_voxel.unwrap_or(unit)))
-            .unwrap_or_else(|why| panic!("{why}")),
-        Source::File { path, .. } => panic!("{} is a file", path.display()),
-    });
-    let volumes = volumes.collect();
-    SceneData::new(scene, volumes).unwrap_or_else(|why| panic!("{why}"))
+    /// Records one submit and waits for its end.
+    pub fn run<'r>(&self, record: impl FnOnce(&mut Recorder<'r>)) {
+        let mut recorder = Recorder::new(&self.gpu, RoleKind::Render, None);
+        record(&mut recorder);
+        let submitted = recorder.submit(&self.uploaded.borrow()).expect("submitted");
+        self.gpu.wait(submitted.point).expect("it ends");
+    }
 }

@@ -1,10 +1,15 @@
 //! What several tests need.
 
+// Each test file uses its own part of this.
+#![allow(dead_code)]
+
+pub mod device;
+pub mod drawing;
+
 use std::path::PathBuf;
 
 /// The folder of test volumes and scenes: `ASHFALL_SHARED`, else `../shared`, where its `data` is.
 /// Says out loud when there is none, so that a skipped test is seen.
-#[allow(dead_code, reason = "not every test reads shared data")]
 pub fn shared_data() -> Option<PathBuf> {
     let shared = std::env::var_os("ASHFALL_SHARED")
         .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
@@ -15,5 +20,3 @@ pub fn shared_data() -> Option<PathBuf> {
     eprintln!("SKIPPED: {} is missing; set ASHFALL_SHARED to run this test", data.display());
     None
 }
-
-pub mod device;
