@@ -20,7 +20,7 @@ pub enum VoxelFormat {
 }
 
 impl VoxelFormat {
-    /// Every format.
+    /// Every format. A brick store names a format by its place here, so new ones go to the end.
     pub const ALL: [VoxelFormat; 5] =
         [VoxelFormat::U8, VoxelFormat::U16, VoxelFormat::I16, VoxelFormat::F32, VoxelFormat::Rgba8];
 
