@@ -7,8 +7,6 @@ use clap::{Args, Subcommand};
 
 use crate::error::Result;
 
-pub use store::peak_rss_bytes;
-
 /// Measure prices on this machine, as ratios within one run.
 #[derive(Args)]
 pub struct Arguments {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Value, json};
 
-use crate::cli::import::Reading;
+use crate::cli::reading::Reading;
 use crate::error::Result;
 use crate::import::{Header, open};
 use crate::source::{BrickSource, Description};

@@ -6,6 +6,7 @@
 mod bare_file;
 mod bench;
 mod compare;
+mod cores;
 mod devices;
 mod import;
 mod info;
@@ -15,6 +16,7 @@ mod output;
 mod picture_file;
 mod plan;
 mod progress;
+mod reading;
 mod reference;
 mod render;
 mod scene_flags;

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use clap::Args;
 
 use crate::cli::bare_file;
-use crate::cli::import::Reading;
 use crate::cli::load::{load_scene, load_scene_for_reference};
+use crate::cli::reading::Reading;
 use crate::error::Result;
 use crate::gpu::{DeviceRequest, Gpu, Instance, ShaderCompiler, Validation};
 use crate::passes::SOURCES;

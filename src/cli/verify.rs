@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Value, json};
 
-use crate::cli::{import, progress};
+use crate::cli::{cores, progress};
 use crate::error::{Error, Exit, Result};
 use crate::store::{Damage, Store, verify};
 
@@ -29,7 +29,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let path = &arguments.file;
     let bar = progress::bricks("verifying");
-    let report = import::pool(arguments.jobs)?.install(|| {
+    let report = cores::pool(arguments.jobs)?.install(|| {
         verify(path, &|done, total| {
             bar.set_length(total);
             bar.set_position(done);

@@ -6,6 +6,8 @@
 mod frame;
 mod image_layout;
 mod plan;
+mod plan_images;
+mod plan_objects;
 mod plan_text;
 mod renderer;
 mod scene_data;
@@ -19,6 +21,6 @@ pub use plan::{Plan, PlannedBuffer, PlannedImage, PlannedPass};
 pub use renderer::{Picture, Renderer};
 pub use scene_data::SceneData;
 pub use settings::Settings;
-pub use statistics::{PassTime, Statistics};
+pub use statistics::{PassTime, Statistics, peak_rss_bytes};
 pub use transfer_segments::{classify_constant, transfer_segments};
 pub use upload::upload;

@@ -7,42 +7,20 @@ use glam::DVec3;
 use serde::Serialize;
 
 use crate::error::{Error, Result};
-use crate::gpu::{
-    Buffer, BufferSpec, Gpu, IN_FLIGHT_MAX, Image, ImageSpec, MemoryHome, ObjectKind,
-    ObjectsOfPipeline, RoleKind, Shader, ShaderCompiler, Staging,
-};
+use crate::gpu::{BufferSpec, Gpu, ImageSpec, Shader, ShaderCompiler};
 use crate::passes::march_shape::{ChannelShape, FilterShape, Shape};
 use crate::passes::{cast, rays, resolve};
-use crate::render::image_layout::{Layout, LayoutChoice, TexelLayout};
+use crate::render::image_layout::TexelLayout;
+use crate::render::plan_images::{ChannelFacts, plan_images};
+use crate::render::plan_objects::{copies_of, objects, plan_buffers, queues_text};
 use crate::render::scene_data::SceneData;
 use crate::render::settings::Settings;
 use crate::render::transfer_segments::{classify_constant, transfer_segments};
-use crate::scene::Filter;
 use crate::twins::limits::BLOCK_SAMPLES;
-use crate::twins::ray::{RayGeometry, RayState};
 use crate::twins::ray_setup::ViewRays;
 use crate::twins::transfer::TransferSegment;
-use crate::volume::{ChannelVoxels, ValueRange, VolumeVoxels, VoxelFormat};
+use crate::volume::{VolumeVoxels, VoxelFormat};
 
-/// Names of the images of channels, in the order of the scene.
-pub(super) const CHANNEL_NAMES: [&str; 16] = [
-    "channel_0",
-    "channel_1",
-    "channel_2",
-    "channel_3",
-    "channel_4",
-    "channel_5",
-    "channel_6",
-    "channel_7",
-    "channel_8",
-    "channel_9",
-    "channel_10",
-    "channel_11",
-    "channel_12",
-    "channel_13",
-    "channel_14",
-    "channel_15",
-];
 /// March dispatches in one submit: bounds the time that a driver's watchdog sees.
 pub(super) const DISPATCHES_PER_SUBMIT: u32 = 8;
 /// Samples of one ray that its counters hold with room to spare.
@@ -148,37 +126,6 @@ pub struct Plan {
     pub(super) shape: Shape,
     #[serde(skip)]
     pub(super) settings: Settings,
-}
-
-/// What the plan needs to know of a channel's voxels.
-struct ChannelFacts {
-    format: VoxelFormat,
-    range: ValueRange,
-    nan_count: usize,
-}
-
-impl ChannelFacts {
-    fn of(channel: &ChannelVoxels) -> ChannelFacts {
-        let range = channel.voxels.range();
-        let finite = |value: f32| value.clamp(-f32::MAX, f32::MAX);
-        let range = if range.is_empty() {
-            range
-        } else {
-            ValueRange { least: finite(range.least), greatest: finite(range.greatest) }
-        };
-        ChannelFacts {
-            format: channel.voxels.format(),
-            range,
-            nan_count: channel.voxels.nan_count(),
-        }
-    }
-
-    /// Drawn without an image: one value everywhere.
-    fn is_constant(&self) -> bool {
-        self.range.least == self.range.greatest
-            && self.nan_count == 0
-            && self.format != VoxelFormat::Rgba8
-    }
 }
 
 impl Plan {
@@ -350,136 +297,6 @@ impl LeftOut {
     }
 }
 
-fn plan_images(
-    gpu: &Gpu,
-    data: &SceneData,
-    facts: &[ChannelFacts],
-    settings: &Settings,
-) -> Result<(Vec<PlannedImage>, Vec<Option<TexelLayout>>)> {
-    let limit = data.scene.memory.atlas_mib << 20;
-    let of_layout = |layout| images_in_layout(gpu, data, facts, layout);
-    let bytes = |images: &[PlannedImage]| images.iter().map(|i| i.memory_bytes).sum::<u64>();
-    let quads_possible = data.scene.quality.filter == Filter::Exact
-        && facts.iter().all(|facts| facts.format != VoxelFormat::Rgba8);
-    if settings.layout == LayoutChoice::Only(Layout::Quads) && !quads_possible {
-        return Err(Error::arguments(
-            "--layout quads: needs filter \"exact\" and no RGBA channel: use --layout plain",
-        ));
-    }
-    // Measured: `ashfall bench sample`, docs/MEASUREMENTS.md. Where the CPU samples, two fetches of
-    // quads cost a fifth of eight; texture hardware has a cache for the eight.
-    let quads_wanted = match settings.layout {
-        LayoutChoice::Auto => gpu.facts().kind == "cpu",
-        LayoutChoice::Only(layout) => layout == Layout::Quads,
-    };
-    if quads_wanted && quads_possible {
-        let (images, layouts) = of_layout(Layout::Quads)?;
-        if bytes(&images) <= limit || settings.layout != LayoutChoice::Auto {
-            check_fits(data, bytes(&images), limit)?;
-            return Ok((images, layouts));
-        }
-    }
-    let (images, layouts) = of_layout(Layout::Plain)?;
-    check_fits(data, bytes(&images), limit)?;
-    Ok((images, layouts))
-}
-
-fn check_fits(data: &SceneData, bytes: u64, limit: u64) -> Result<()> {
-    if bytes <= limit {
-        return Ok(());
-    }
-    let (volume, _) = data.volume();
-    Err(volume.place.error(format!(
-        "volume \"{}\" needs {} MiB on the device, but atlas_mib is {}: raise --atlas-mib (paging is not built yet)",
-        volume.name,
-        bytes.div_ceil(1 << 20),
-        limit >> 20
-    )))
-}
-
-fn images_in_layout(
-    gpu: &Gpu,
-    data: &SceneData,
-    facts: &[ChannelFacts],
-    layout: Layout,
-) -> Result<(Vec<PlannedImage>, Vec<Option<TexelLayout>>)> {
-    let (volume, voxels) = data.volume();
-    let size = voxels.size.to_array().map(|edge| edge + 2);
-    let edge_max = gpu.facts().image_3d_edge_max;
-    let mut images = Vec::new();
-    let mut layouts = Vec::new();
-    for (channel, facts) in facts.iter().enumerate() {
-        if facts.is_constant() {
-            layouts.push(None);
-            continue;
-        }
-        if size.iter().any(|edge| *edge > edge_max) {
-            return Err(volume.place.error(format!(
-                "volume \"{}\" of {} voxels is larger than this device's images ({edge_max} along an axis): paging is not built yet",
-                volume.name, voxels.size
-            )));
-        }
-        let texel = TexelLayout::of(facts.format, facts.range, layout);
-        let spec = ImageSpec { name: CHANNEL_NAMES[channel], size, format: texel.format };
-        images.push(PlannedImage {
-            name: spec.name,
-            size,
-            format: spec.format.name(),
-            layout: texel.layout.name(),
-            memory_bytes: Image::memory_bytes(gpu, &spec),
-            spec,
-            channel,
-        });
-        layouts.push(Some(texel));
-    }
-    Ok((images, layouts))
-}
-
-fn plan_buffers(
-    gpu: &Gpu,
-    data: &SceneData,
-    tile: [u32; 2],
-    segments: usize,
-    images: &[PlannedImage],
-    one_dispatch: bool,
-) -> Vec<PlannedBuffer> {
-    let rays = u64::from(tile[0]) * u64::from(tile[1]);
-    let views = data.scene.views.len() as u64;
-    let spec = |name, bytes, home| BufferSpec { name, bytes, home };
-    let mut specs = vec![
-        spec("views", views * size_of::<ViewRays>() as u64, MemoryHome::Upload),
-        spec("transfer", (segments * size_of::<TransferSegment>()) as u64, MemoryHome::Upload),
-        spec("picture", rays * size_of::<[f32; 4]>() as u64, MemoryHome::Readback),
-        spec("counters", size_of::<[u32; 2]>() as u64, MemoryHome::Readback),
-    ];
-    if !one_dispatch {
-        specs.extend([
-            spec("ray_geometry", rays * size_of::<RayGeometry>() as u64, MemoryHome::Device),
-            spec("ray_state", rays * size_of::<RayState>() as u64, MemoryHome::Device),
-        ]);
-    }
-    // Staging no larger than the largest image, and at least one row of it.
-    let image_bytes = |image: &PlannedImage| {
-        image.size.iter().map(|edge| u64::from(*edge)).product::<u64>() * image.spec.format.bytes()
-    };
-    let row_bytes = |image: &PlannedImage| u64::from(image.size[0]) * image.spec.format.bytes();
-    if let Some(largest) = images.iter().map(image_bytes).max() {
-        let row = images.iter().map(row_bytes).max().unwrap_or(1);
-        let half = ((data.scene.memory.staging_mib << 20) / 2).min(largest).max(row);
-        specs.extend(Staging::specs(half));
-    }
-    specs
-        .into_iter()
-        .map(|spec| PlannedBuffer {
-            name: spec.name,
-            bytes: spec.bytes,
-            memory_bytes: Buffer::memory_bytes(gpu, &spec),
-            home: spec.home.name(),
-            spec,
-        })
-        .collect()
-}
-
 /// An upper bound: the box's longest diagonal in steps.
 fn samples_of_ray_max(voxels: &VolumeVoxels, step_world: Option<f64>) -> Result<u64> {
     let Some(step) = step_world else { return Ok(1) };
@@ -497,64 +314,4 @@ fn samples_of_ray_max(voxels: &VolumeVoxels, step_world: Option<f64>) -> Result<
         )));
     }
     Ok(samples as u64)
-}
-
-/// Copies that fill all images through the staging halves; see `upload`.
-fn copies_of(images: &[PlannedImage], buffers: &[PlannedBuffer]) -> u64 {
-    let half = buffers.iter().find(|b| b.name == "staging_half_0").map_or(1, |b| b.bytes);
-    let copies = |image: &PlannedImage| {
-        let [width, height, depth] = image.size.map(u64::from);
-        let rows = (half / (width * image.spec.format.bytes())).max(1);
-        match rows / height {
-            0 => height.div_ceil(rows) * depth,
-            slices => depth.div_ceil(slices),
-        }
-    };
-    images.iter().map(copies).sum()
-}
-
-fn queues_text(gpu: &Gpu, render_only: bool) -> String {
-    let (family, index) = gpu.queue_of(RoleKind::Render);
-    let render = format!("render on family {family} queue {index}");
-    let (family, index) = gpu.queue_of(RoleKind::Transfer);
-    match (render_only, gpu.roles_share_queue()) {
-        (true, _) => render,
-        (false, true) => format!("{render}, shared by transfer"),
-        (false, false) => format!("{render}, transfer on family {family} queue {index}"),
-    }
-}
-
-fn objects(
-    gpu: &Gpu,
-    buffers: &[PlannedBuffer],
-    images: &[PlannedImage],
-    passes: u64,
-    submits: u64,
-    copies: u64,
-) -> BTreeMap<&'static str, u64> {
-    let (buffers, images) = (buffers.len() as u64, images.len() as u64);
-    let transfers = u64::from(images > 0);
-    let in_flight = IN_FLIGHT_MAX as u64;
-    let timed = |role| u64::from(gpu.has_timestamps(role));
-    let counts = [
-        (ObjectKind::Buffer, buffers),
-        (ObjectKind::Image, images),
-        (ObjectKind::ImageView, images),
-        (ObjectKind::Sampler, transfers),
-        (ObjectKind::DeviceMemory, buffers + images),
-        (ObjectKind::Semaphore, 1 + transfers),
-        (ObjectKind::CommandPool, 1 + transfers),
-        (ObjectKind::CommandBuffer, submits.min(in_flight) + copies.min(in_flight)),
-        (
-            ObjectKind::QueryPool,
-            timed(RoleKind::Render) + 2 * transfers * timed(RoleKind::Transfer),
-        ),
-    ];
-    let of_passes = ObjectsOfPipeline::COUNTS.map(|(kind, count)| (kind, count * passes));
-    counts
-        .into_iter()
-        .chain(of_passes)
-        .filter(|(_, count)| *count > 0)
-        .map(|(kind, count)| (kind.name(), count))
-        .collect()
 }

@@ -7,13 +7,6 @@ use serde_json::{Value, json};
 use crate::cli::bench::store::{Arguments, Folder, data};
 use crate::error::{Error, Result};
 
-/// Peak resident memory of this process in bytes, where the system tells.
-pub fn peak_rss_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    line.trim().strip_suffix(" kB")?.trim().parse::<u64>().ok().map(|kib| kib * 1024)
-}
-
 /// Runs this program and reads the JSON it prints.
 pub fn run_self(arguments: &[&str]) -> Result<Value> {
     let fail = |why: String| Error::machine(format!("cannot run this program again: {why}"));

@@ -12,7 +12,6 @@ use clap::Args;
 use serde_json::{Map, Value, json};
 
 use crate::error::{Error, Result};
-pub use memory::peak_rss_bytes;
 
 /// Import against `lz4 -1`, brick reads against one file per brick, opening, decoding, memory.
 ///
@@ -87,7 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     std::fs::create_dir(&folder.0).map_err(|why| disk(&folder, &why))?;
     let mut results = Map::new();
     results.insert("format".to_owned(), json!(1));
-    results.insert("cores".to_owned(), json!(crate::cli::import::all_cores()));
+    results.insert("cores".to_owned(), json!(crate::cli::cores::all_cores()));
     for (name, part) in PARTS {
         if arguments.part.is_empty() || arguments.part.iter().any(|wanted| wanted == name) {
             eprintln!("ashfall: measuring {name}");

@@ -5,9 +5,10 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use crate::cli::bench::store::memory::{peak_rss_bytes, run_self};
+use crate::cli::bench::store::memory::run_self;
 use crate::cli::bench::store::{Arguments, Folder, median};
 use crate::error::Result;
+use crate::render::peak_rss_bytes;
 use crate::source::{BrickSource, ChannelDescription, Description};
 use crate::store::{Compression, Encoded, Numbering, Store, Writer, encode};
 use crate::volume::{BrickId, Levels, Size3, ValueRange, VoxelFormat, WorldFromVoxel};
@@ -28,7 +29,7 @@ pub fn once(file: &Path) -> Result<Value> {
         "open_ms": open_ms,
         "first_brick_ms": start.elapsed().as_secs_f64() * 1e3,
         "peak_rss_bytes": peak_rss_bytes(),
-        "open_rss_bytes": after.zip(before).map(|(after, before)| after - before),
+        "open_rss_bytes": after.saturating_sub(before),
     }))
 }
 

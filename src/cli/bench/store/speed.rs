@@ -7,7 +7,7 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use crate::cli::bench::store::{Arguments, Folder, data, median};
-use crate::cli::import::all_cores;
+use crate::cli::cores::all_cores;
 use crate::error::Result;
 use crate::import::{Options, Settings, import};
 use crate::store::Compression;
