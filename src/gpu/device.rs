@@ -13,6 +13,7 @@ use crate::gpu::features::Features;
 use crate::gpu::instance::{Instance, Message, c_string, name_of, vulkan_failed};
 use crate::gpu::memory::{Ledger, MemoryHome};
 use crate::gpu::misuse::misuse;
+use crate::gpu::resources::ImageFormat;
 use crate::gpu::retirement::{Orphan, Retired, Uses};
 use crate::gpu::roles::{Role, RoleKind, TimePoint};
 
@@ -75,6 +76,7 @@ pub struct DeviceFacts {
 pub struct Gpu {
     pub(crate) instance: Arc<Instance>,
     pub(crate) device: ash::Device,
+    physical: vk::PhysicalDevice,
     facts: DeviceFacts,
     /// What was created on it.
     pub census: Census,
@@ -136,6 +138,7 @@ impl Gpu {
         Ok(Arc::new(Gpu {
             instance: instance.clone(),
             device,
+            physical,
             facts,
             census: Census::default(),
             ledger: Ledger::default(),
@@ -151,6 +154,20 @@ impl Gpu {
     /// What this device is.
     pub fn facts(&self) -> &DeviceFacts {
         &self.facts
+    }
+
+    /// Whether images of this format can be copied into and sampled; with `linear`, filtered too.
+    pub fn samples(&self, format: ImageFormat, linear: bool) -> bool {
+        let mut needed =
+            vk::FormatFeatureFlags::SAMPLED_IMAGE | vk::FormatFeatureFlags::TRANSFER_DST;
+        if linear {
+            needed |= vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR;
+        }
+        // SAFETY: the handle was enumerated from this living instance.
+        let properties = unsafe {
+            self.instance.raw.get_physical_device_format_properties(self.physical, format.vulkan())
+        };
+        properties.optimal_tiling_features.contains(needed)
     }
 
     /// What validation has said so far.

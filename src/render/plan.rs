@@ -226,6 +226,7 @@ impl Plan {
         let atlas_bytes = images.iter().map(|image| image.memory_bytes).sum();
         let memory_bytes =
             atlas_bytes + buffers.iter().map(|buffer| buffer.memory_bytes).sum::<u64>();
+        check_limits(gpu, &buffers, memory_bytes)?;
         let submits_of_tile = u64::from(dispatches.div_ceil(DISPATCHES_PER_SUBMIT));
         let submits = u64::from(tiles) * scene.views.len() as u64 * submits_of_tile;
         let copies = copies_of(&images, &buffers);
@@ -295,6 +296,25 @@ impl LeftOut {
             "the volume fits the atlas: addressing is direct",
         );
     }
+}
+
+/// Keeps to the device's limits ourselves: lavapipe states them and enforces none.
+fn check_limits(gpu: &Gpu, buffers: &[PlannedBuffer], memory_bytes: u64) -> Result<()> {
+    let facts = gpu.facts();
+    if let Some(buffer) = buffers.iter().find(|buffer| buffer.bytes > facts.storage_bytes_max) {
+        return Err(Error::machine(format!(
+            "buffer {} needs {} bytes, but this device binds at most {}: lower --tile",
+            buffer.name, buffer.bytes, facts.storage_bytes_max
+        )));
+    }
+    if memory_bytes > facts.heap_bytes {
+        return Err(Error::machine(format!(
+            "the scene needs {} MiB on the device, which has {}: lower --tile or choose --layout plain",
+            memory_bytes.div_ceil(1 << 20),
+            facts.heap_bytes >> 20
+        )));
+    }
+    Ok(())
 }
 
 /// An upper bound: the box's longest diagonal in steps.

@@ -130,6 +130,16 @@ fn images_in_layout(
             )));
         }
         let texel = TexelLayout::of(facts.format, facts.range, layout);
+        let linear = data.scene.quality.filter == Filter::Hardware;
+        if !gpu.samples(texel.format, linear) {
+            return Err(Error::machine(format!(
+                "device \"{}\" cannot sample{} images of {}: choose another with --device{}",
+                gpu.facts().name,
+                if linear { " and filter" } else { "" },
+                texel.format.name(),
+                if linear { ", or --filter exact" } else { "" }
+            )));
+        }
         let spec = ImageSpec { name: CHANNEL_NAMES[channel], size, format: texel.format };
         images.push(PlannedImage {
             name: spec.name,
