@@ -52,7 +52,7 @@ pub struct Price {
     pub ns_min_max: [f64; 2],
     /// Against the bare loop of this run.
     pub over_loop: f64,
-    /// Of a caster: against the bare filtered sample of the same filter and format.
+    /// Of a caster: against the bare filtered sample of the same filter and format, measured in turns.
     pub over_bare: Option<f64>,
     /// Of a filter: greatest error against f64 arithmetic, as a part of the value range.
     pub error_max: Option<f64>,
@@ -91,7 +91,7 @@ pub fn measure(
 ) -> Result<PriceTable> {
     let bench = Bench { gpu, compiler, effort };
     let mut prices: Vec<Price> = Vec::new();
-    let steps = 2.0 + 12.0;
+    let steps = 2.0 + 9.0;
     let mut done = 0.0;
     let mut step = || {
         done += 1.0;
@@ -114,22 +114,27 @@ pub fn measure(
             let (image, texel) = bench.image(&noise, layout)?;
             let sampler = Sampler::new(gpu, sampler_filter(filter))?;
             let probed = Some((&image, &sampler));
-            let bare = bench.price(ProbeShape::Filtered(filter), probed)?;
+            let mut bare = bench.probe(ProbeShape::Filtered(filter), probed)?;
+            let (bare, caster) = if format == VoxelFormat::U8 {
+                let mut caster = bench.caster(&noise, filter, layout)?;
+                let [bare, caster] = bench.in_turns([&mut bare, &mut caster])?;
+                (bare, Some(caster))
+            } else {
+                let [bare] = bench.in_turns([&mut bare])?;
+                (bare, None)
+            };
             let mut bare_row = row(&format!("{name}, {format}"), &bare, over_loop(median(&bare)));
             bare_row.error_max =
                 Some(filter_error(gpu, compiler, (&image, &sampler), filter, &noise, &texel)?);
             prices.push(bare_row);
-            drop(image);
-            step();
-            if format == VoxelFormat::U8 {
-                let caster = bench.caster_price(&noise, filter, layout)?;
-                let ns = median(&caster);
-                let mut caster_row =
-                    row(&format!("caster, {name}, {format}"), &caster, over_loop(ns));
-                caster_row.over_bare = Some(ns / median(&bare));
+            if let Some(caster) = caster {
+                let what = format!("caster, {name}, {format}");
+                let mut caster_row = row(&what, &caster, over_loop(median(&caster)));
+                let pairs = caster.iter().zip(&bare).map(|(caster, bare)| caster / bare);
+                caster_row.over_bare = Some(median(&pairs.collect::<Vec<_>>()));
                 prices.push(caster_row);
-                step();
             }
+            step();
         }
     }
     Ok(PriceTable {
@@ -184,6 +189,16 @@ impl Bench<'_> {
 
     /// Nanoseconds of one sample of the bare probe, one per repetition.
     fn price(&self, shape: ProbeShape, probed: Option<(&Image, &Sampler)>) -> Result<Vec<f64>> {
+        let mut probe = self.probe(shape, probed)?;
+        let [ns] = self.in_turns([&mut probe])?;
+        Ok(ns)
+    }
+
+    fn probe<'b>(
+        &'b self,
+        shape: ProbeShape,
+        probed: Option<(&'b Image, &'b Sampler)>,
+    ) -> Result<Measured<'b>> {
         let Effort { edge, lines, samples, .. } = *self.effort;
         let shader = self.compiler.compile(&probe::variant(shape))?;
         let pipeline = ComputePipeline::new(self.gpu, shader)?;
@@ -200,73 +215,73 @@ impl Bench<'_> {
             samples,
             step_voxel: [0.08, 0.06, 0.9].map(|part| part * inner / samples as f32),
         };
-        self.repeat(u64::from(lines).pow(2) * u64::from(samples), || {
+        let run = move || {
             let mut recorder = Recorder::new(self.gpu, RoleKind::Render, timestamps.as_ref());
             probe::record(&mut recorder, &pipeline, probed, &sums, &push);
             self.gpu.wait(recorder.submit(&[])?.point)?;
             let ms = timestamps.as_ref().map_or(Ok(Vec::new()), Timestamps::step_ms)?;
             Ok(ms.iter().map(|(_, ms)| ms).sum())
-        })
+        };
+        let samples = u64::from(lines).pow(2) * u64::from(samples);
+        Ok(Measured { samples, run: Box::new(run) })
     }
 
-    /// Nanoseconds of one sample of the real caster, all its passes included.
-    fn caster_price(
-        &self,
-        voxels: &Voxels,
-        filter: FilterShape,
-        layout: Layout,
-    ) -> Result<Vec<f64>> {
+    /// The real caster, all its passes included.
+    fn caster(&self, voxels: &Voxels, filter: FilterShape, layout: Layout) -> Result<Measured<'_>> {
         let edge = self.effort.edge;
-        let mut scene = Scene::from_toml(
-            CASTER_SCENE,
-            "bench".as_ref(),
-            &Overrides {
-                size: Some([self.effort.lines; 2]),
-                step: Some(f64::from(edge) / f64::from(self.effort.samples)),
-                filter: Some(
-                    if filter == FilterShape::Sampler { "hardware" } else { "exact" }.to_owned(),
-                ),
-                ..Overrides::default()
-            },
-        )?;
+        let hardware = filter == FilterShape::Sampler;
+        let overrides = Overrides {
+            size: Some([self.effort.lines; 2]),
+            step: Some(f64::from(edge) / f64::from(self.effort.samples)),
+            filter: Some(if hardware { "hardware" } else { "exact" }.to_owned()),
+            ..Overrides::default()
+        };
+        let mut scene = Scene::from_toml(CASTER_SCENE, "bench".as_ref(), &overrides)?;
         let unit = WorldFromVoxel::from_spacing([1.0 / f64::from(edge); 3])?;
         scene.volumes[0].world_from_voxel = Some(unit);
         let channel = ChannelVoxels { voxels: voxels.clone(), slope: 1.0, intercept: 0.0 };
-        let volume = VolumeVoxels {
-            size: Size3::cube(edge),
-            world_from_voxel: unit,
-            channels: vec![channel],
-        };
+        let size = Size3::cube(edge);
+        let volume = VolumeVoxels { size, world_from_voxel: unit, channels: vec![channel] };
         let data = SceneData::new(scene, vec![volume])?;
         let settings = Settings { layout: LayoutChoice::Only(layout), ..Settings::default() };
         let plan = Plan::new(self.gpu, self.compiler, &data, &settings)?;
         let mut renderer = Renderer::new(self.gpu, plan, &data)?;
         let (_, statistics) = renderer.draw(0, &mut |_| {})?;
-        self.repeat(statistics.samples, || {
+        let run = move || {
             let (_, statistics) = renderer.draw(0, &mut |_| {})?;
-            let march = statistics.gpu_ms.iter().filter(|time| time.pass != "upload");
-            Ok(march.map(|time| time.ms).sum())
-        })
+            let passes = statistics.gpu_ms.iter().filter(|time| time.pass != "upload");
+            Ok(passes.map(|time| time.ms).sum())
+        };
+        Ok(Measured { samples: statistics.samples, run: Box::new(run) })
     }
 
-    /// Runs once to warm up (drivers compile at the first dispatch), then measures; `run` returns the
-    /// device's milliseconds.
-    fn repeat(&self, samples: u64, mut run: impl FnMut() -> Result<f64>) -> Result<Vec<f64>> {
-        run()?;
+    /// Nanoseconds of one sample of each, one per repetition. Each runs once to warm up (drivers
+    /// compile at the first dispatch); then they take turns, so that what disturbs the machine
+    /// disturbs all of them alike.
+    fn in_turns<const N: usize>(&self, mut measured: [&mut Measured; N]) -> Result<[Vec<f64>; N]> {
         let processor = self.counts_processor();
-        let mut ns = Vec::new();
-        for _ in 0..self.effort.repeats {
-            let clock = Clock::start();
-            let device_ms = run()?;
-            let elapsed = clock.elapsed();
-            let spent = match elapsed.cpu_ns {
-                Some(cpu_ns) if processor => cpu_ns,
-                _ => device_ms * 1e6,
-            };
-            ns.push(spent / samples as f64);
+        let mut ns = [const { Vec::new() }; N];
+        for turn in 0..=self.effort.repeats {
+            for (index, one) in measured.iter_mut().enumerate() {
+                let clock = Clock::start();
+                let device_ms = (one.run)()?;
+                let spent = match clock.elapsed().cpu_ns {
+                    Some(cpu_ns) if processor => cpu_ns,
+                    _ => device_ms * 1e6,
+                };
+                if turn > 0 {
+                    ns[index].push(spent / one.samples as f64);
+                }
+            }
         }
         Ok(ns)
     }
+}
+
+/// Something to measure: `run` returns the device's milliseconds.
+struct Measured<'b> {
+    samples: u64,
+    run: Box<dyn FnMut() -> Result<f64> + 'b>,
 }
 
 const CASTER_SCENE: &str = r#"
