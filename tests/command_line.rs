@@ -363,3 +363,29 @@ fn exr_pictures_come_back_bit_by_bit() {
     };
     assert_eq!((again.size, bits(&again)), (picture.size, bits(&picture)));
 }
+
+/// A store and a raw file need no scene: the whole volume is drawn.
+#[test]
+fn files_without_a_scene() {
+    let folder = Folder::new("bare");
+    let raw = folder.path("cube.raw");
+    std::fs::write(&raw, [0u8, 50, 100, 150, 200, 250, 10, 60]).expect("a raw file");
+    let store = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/version_1_u8.bricks");
+    let flags: &[&str] = &["--raw-size", "2x2x2", "--raw-type", "u8", "--spacing", "1,1,2"];
+    for (file, flags) in [(&store, &[][..]), (&raw, flags)] {
+        let mut arguments = vec!["plan".as_ref(), file.as_os_str(), "--json".as_ref()];
+        arguments.extend(flags.iter().map(std::ffi::OsStr::new));
+        let run = ashfall(arguments);
+        match run.code {
+            Some(0) => assert_eq!(json(&run)["views"], serde_json::json!(["whole"])),
+            Some(4) => no_device(&run),
+            code => panic!("exit code {code:?}: {}", run.stderr),
+        }
+    }
+    let run = ashfall(["plan".as_ref(), raw.as_os_str()]);
+    assert_eq!(run.code, Some(3), "a raw file does not say its size: {}", run.stderr);
+    let short = ["--raw-size", "2x2x3", "--raw-type", "u8"].map(std::ffi::OsStr::new);
+    let run = ashfall(["plan".as_ref(), raw.as_os_str()].into_iter().chain(short));
+    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    assert!(run.stderr.contains("cube.raw") && run.stderr.contains('8'), "{}", run.stderr);
+}
