@@ -19,6 +19,7 @@ pub struct Staging {
     timestamps: [Option<Timestamps>; 2],
     copy_ms: f64,
     unmeasured: [bool; 2],
+    last: Option<TimePoint>,
 }
 
 impl Staging {
@@ -44,6 +45,7 @@ impl Staging {
             ],
             copy_ms: 0.0,
             unmeasured: [false; 2],
+            last: None,
         })
     }
 
@@ -78,6 +80,7 @@ impl Staging {
         recorder.copy_to_image(label, half, 0, target, start, size);
         let submitted = recorder.submit(&[])?;
         self.unmeasured[current] = true;
+        self.last = Some(submitted.point);
         self.current = 1 - current;
         Ok(submitted.point)
     }
@@ -88,6 +91,9 @@ impl Staging {
     /// # Errors
     /// Exit code 4 when the device is lost.
     pub fn finish(&mut self) -> Result<f64> {
+        if let Some(last) = self.last {
+            self.gpu.wait(last)?;
+        }
         self.measure(0)?;
         self.measure(1)?;
         Ok(self.copy_ms)
