@@ -389,3 +389,22 @@ fn files_without_a_scene() {
     assert_eq!(run.code, Some(3), "{}", run.stderr);
     assert!(run.stderr.contains("cube.raw") && run.stderr.contains('8'), "{}", run.stderr);
 }
+
+/// A reader that has gone away ends no command with a panic.
+#[test]
+fn results_that_nobody_reads() {
+    let store = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/version_1_u8.bricks");
+    for command in ["info", "verify"] {
+        let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_ashfall"))
+            .args([command.as_ref(), store.as_os_str()])
+            .stdout(std::process::Stdio::piped())
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        // Closed at once: the pipe is broken before or while the command writes.
+        drop(child.stdout.take());
+        let output = child.wait_with_output().expect("the program ends");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{command}: {said}");
+    }
+}

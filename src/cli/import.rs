@@ -6,6 +6,7 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use crate::cli::cores::all_cores;
+use crate::cli::output::print_line;
 use crate::cli::reading::{Reading, parse_numbers};
 use crate::cli::{interrupt, progress};
 use crate::error::Result;
@@ -91,9 +92,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     report_counts(&summary);
     if arguments.json {
-        println!("{}", to_json(&arguments.output, &summary));
+        print_line(to_json(&arguments.output, &summary));
     } else {
-        println!("{}", sentence(&arguments.output, &summary));
+        print_line(sentence(&arguments.output, &summary));
     }
     Ok(())
 }

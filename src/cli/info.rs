@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Value, json};
 
+use crate::cli::output::{print, print_line};
 use crate::cli::reading::Reading;
 use crate::error::Result;
 use crate::import::{Header, open};
@@ -34,21 +35,18 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let description = store.description();
         if arguments.json {
             let bricks = store.numbering().count();
-            println!(
-                "{}",
-                json!({ "format": 1, "kind": "store", "bricks": bricks,
-                        "volume": description_json(description) })
-            );
+            print_line(json!({ "format": 1, "kind": "store", "bricks": bricks,
+                        "volume": description_json(description) }));
         } else {
-            print!("{}", store_text(&store));
+            print(store_text(&store));
         }
     } else {
         let input = open(path, &arguments.reading.options())?;
         let header = input.header();
         if arguments.json {
-            println!("{}", header_json(header));
+            print_line(header_json(header));
         } else {
-            print!("{}", header_text(header));
+            print(header_text(header));
         }
     }
     Ok(())

@@ -2,6 +2,7 @@
 //!
 //! What was typed is parsed by clap, turned into what it means, and run by one `match`. Results go to
 //! stdout, progress and logs to stderr.
+#![deny(clippy::print_stdout, reason = "`output::print` does not panic when the reader is gone")]
 
 mod bare_file;
 mod bench;

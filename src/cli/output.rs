@@ -7,9 +7,15 @@ use serde::Serialize;
 
 use crate::error::{Error, Result};
 
-/// Prints text; a reader that has gone away is no error.
+/// Prints text: the one door to stdout. A reader that has gone away is no error, where `println!`
+/// would panic.
 pub fn print(text: impl std::fmt::Display) {
     let _ = write!(std::io::stdout().lock(), "{text}");
+}
+
+/// Prints a line of text, as [`print`].
+pub fn print_line(text: impl std::fmt::Display) {
+    print(format_args!("{text}\n"));
 }
 
 /// Prints one object with `"format": 1` first.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Value, json};
 
+use crate::cli::output::print_line;
 use crate::cli::{cores, progress};
 use crate::error::{Error, Exit, Result};
 use crate::store::{Damage, Store, verify};
@@ -41,7 +42,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Err(why) if why.exit == Exit::Input && Store::is_store(path) => {
             if arguments.json {
                 let damages = [json!({ "message": why.message })];
-                println!("{}", json!({ "format": 1, "whole": false, "damages": damages }));
+                print_line(json!({ "format": 1, "whole": false, "damages": damages }));
             }
             return Err(Error::difference(why.message));
         }
@@ -50,20 +51,20 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let whole = report.damaged_bricks == 0;
     if arguments.json {
         let damages: Vec<Value> = report.damages.iter().map(damage_json).collect();
-        println!(
-            "{}",
-            json!({ "format": 1, "whole": whole, "bricks": report.bricks,
+        print_line(json!({ "format": 1, "whole": whole, "bricks": report.bricks,
                     "stored_bytes": report.stored_bytes,
-                    "damaged_bricks": report.damaged_bricks, "damages": damages })
-        );
+                    "damaged_bricks": report.damaged_bricks, "damages": damages }));
     } else {
         for damage in &report.damages {
-            println!("{} (from {}, {} brick(s))", damage.message, damage.brick, damage.bricks);
+            print_line(format_args!(
+                "{} (from {}, {} brick(s))",
+                damage.message, damage.brick, damage.bricks
+            ));
         }
     }
     if whole {
         if !arguments.json {
-            println!("{}: whole, {} bricks", path.display(), report.bricks);
+            print_line(format_args!("{}: whole, {} bricks", path.display(), report.bricks));
         }
         return Ok(());
     }

@@ -11,6 +11,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Map, Value, json};
 
+use crate::cli::output::print_line;
 use crate::error::{Error, Result};
 
 /// Import against `lz4 -1`, brick reads against one file per brick, opening, decoding, memory.
@@ -71,7 +72,7 @@ const PARTS: [(&str, Part); 5] = [
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<()> {
     if let Some(file) = &arguments.open {
-        println!("{}", open::once(file)?);
+        print_line(open::once(file)?);
         return Ok(());
     }
     if let Some(part) =
@@ -95,9 +96,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let results = Value::Object(results);
     if arguments.json {
-        println!("{results}");
+        print_line(&results);
     } else {
-        println!("{results:#}");
+        print_line(format_args!("{results:#}"));
     }
     Ok(())
 }
