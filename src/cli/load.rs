@@ -16,7 +16,8 @@ use crate::volume::{Size3, VolumeVoxels, VoxelFormat, WorldFromVoxel};
 pub fn load_scene(path: &Path, overrides: &Overrides) -> Result<SceneData> {
     let scene = Scene::load(path, overrides)?;
     SceneData::check_drawable(&scene)?;
-    load_voxels(scene)
+    let voxels = load_voxels(&scene)?;
+    SceneData::new(scene, voxels)
 }
 
 /// As [`load_scene`], for what the reference alone can draw: several volumes.
@@ -25,15 +26,12 @@ pub fn load_scene_for_reference(
     overrides: &Overrides,
 ) -> Result<(Scene, Vec<VolumeVoxels>)> {
     let scene = Scene::load(path, overrides)?;
-    let volumes = scene.volumes.iter().map(|volume| load_volume(volume, &scene));
-    let volumes = volumes.collect::<Result<_>>()?;
-    Ok((scene, volumes))
+    let voxels = load_voxels(&scene)?;
+    Ok((scene, voxels))
 }
 
-fn load_voxels(scene: Scene) -> Result<SceneData> {
-    let volumes = scene.volumes.iter().map(|volume| load_volume(volume, &scene));
-    let volumes = volumes.collect::<Result<_>>()?;
-    SceneData::new(scene, volumes)
+fn load_voxels(scene: &Scene) -> Result<Vec<VolumeVoxels>> {
+    scene.volumes.iter().map(|volume| load_volume(volume, scene)).collect()
 }
 
 fn load_volume(volume: &Volume, scene: &Scene) -> Result<VolumeVoxels> {

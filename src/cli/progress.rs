@@ -14,8 +14,8 @@ pub fn bricks(verb: &'static str) -> ProgressBar {
     bar(verb, "{msg} {wide_bar} {pos} of {len} bricks, {per_sec}, {eta} left")
 }
 
-fn bar(verb: &'static str, template: &str) -> ProgressBar {
-    let bar = ProgressBar::new(0).with_message(verb);
+fn bar(what: &str, template: &str) -> ProgressBar {
+    let bar = ProgressBar::new(0).with_message(what.to_owned());
     match ProgressStyle::with_template(template) {
         Ok(style) => bar.with_style(style),
         Err(_) => bar,
@@ -31,13 +31,8 @@ pub struct Progress(ProgressBar);
 impl Progress {
     /// Starts a bar named `what`.
     pub fn start(what: &str) -> Progress {
-        let bar = ProgressBar::new(STEPS);
-        let style =
-            ProgressStyle::with_template("{msg} {wide_bar} {percent}% in {elapsed}, {eta} left");
-        if let Ok(style) = style {
-            bar.set_style(style);
-        }
-        bar.set_message(what.to_owned());
+        let bar = bar(what, "{msg} {wide_bar} {percent}% in {elapsed}, {eta} left");
+        bar.set_length(STEPS);
         bar.enable_steady_tick(Duration::from_millis(200));
         Progress(bar)
     }

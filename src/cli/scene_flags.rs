@@ -66,9 +66,8 @@ impl SceneFlags {
         if is_scene(&self.scene) {
             return load_scene(&self.scene, &self.overrides());
         }
-        let (scene, voxels) =
-            bare_file::load(&self.scene, &self.reading.options(), &self.overrides())?;
-        SceneData::new(scene, vec![voxels])
+        let (scene, voxels) = self.load_for_reference()?;
+        SceneData::new(scene, voxels)
     }
 
     /// As [`SceneFlags::load`], for what the reference alone can draw: several volumes.

@@ -226,11 +226,6 @@ impl Gpu {
         self.role(point.role)?.wait(&self.device, point.value)
     }
 
-    /// Whether a time point was reached.
-    pub fn is_reached(&self, point: TimePoint) -> bool {
-        self.reached()[point.role.index()] >= point.value
-    }
-
     fn reached(&self) -> Uses {
         std::array::from_fn(|index| {
             self.roles[index].get().map_or(0, |role| role.reached(&self.device))

@@ -289,14 +289,18 @@ impl<'r> Dispatch<'_, 'r> {
 
     /// The shader's push constants.
     #[must_use]
-    pub fn push(self, constants: &impl bytemuck::NoUninit) -> Self {
-        self.push_bytes(bytemuck::bytes_of(constants))
+    pub fn push(mut self, constants: &impl bytemuck::NoUninit) -> Self {
+        self.push = bytemuck::bytes_of(constants).to_vec();
+        self
     }
 
-    /// The shader's push constants as bytes.
+    /// As many of these push constants as the variant's block has: what a variant leaves out stands
+    /// at the end.
     #[must_use]
-    pub fn push_bytes(mut self, constants: &[u8]) -> Self {
-        self.push = constants.to_vec();
+    pub fn push_front(mut self, constants: &impl bytemuck::NoUninit) -> Self {
+        let bytes = bytemuck::bytes_of(constants);
+        let used = self.pipeline.reflection().push_bytes as usize;
+        self.push = bytes[..used.min(bytes.len())].to_vec();
         self
     }
 

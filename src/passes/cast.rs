@@ -35,9 +35,7 @@ pub fn record<'r>(
         .write("picture", resources.picture)
         .update("counters", resources.counters);
     let dispatch = resources.scene.bind(dispatch, pipeline);
-    let bytes = bytemuck::bytes_of(push);
-    let used = pipeline.reflection().push_bytes as usize;
-    dispatch.push_bytes(&bytes[..used.min(bytes.len())]).threads([width, height, 1]);
+    dispatch.push_front(push).threads([width, height, 1]);
     recorder.host_read(resources.picture);
     recorder.host_read(resources.counters);
 }

@@ -40,7 +40,5 @@ pub fn record<'r>(
         .read("ray_geometry", resources.ray_geometry)
         .update("ray_state", resources.ray_state);
     let dispatch = resources.scene.bind(dispatch, pipeline);
-    let bytes = bytemuck::bytes_of(push);
-    let used = pipeline.reflection().push_bytes as usize;
-    dispatch.push_bytes(&bytes[..used.min(bytes.len())]).threads([width, height, 1]);
+    dispatch.push_front(push).threads([width, height, 1]);
 }
