@@ -7,11 +7,19 @@ use std::mem::{offset_of, size_of};
 use std::path::Path;
 
 use ashfall::gpu::{Binding, BindingKind, Member, Reflection, Shader, ShaderCompiler, Variant};
+use ashfall::passes::brick_shape::{AtlasShape, BrickShape};
+use ashfall::passes::cache_buffers::RankShape;
 use ashfall::passes::march_shape::{ChannelShape, FilterShape, Shape};
 use ashfall::passes::probe::{self, ProbeShape};
-use ashfall::passes::{SOURCES, cast, march, rays, resolve};
+use ashfall::passes::{
+    SOURCES, cast, choose, count, grant, march, publish, rays, resolve, scan, tally,
+};
 use ashfall::twins;
+use ashfall::twins::cache::{Answer, CacheRound, Choice, ChunkCounts, Progress, Tallies};
+use ashfall::twins::publish::Update;
+use ashfall::twins::ranks::LevelView;
 use ashfall::twins::ray::{RayGeometry, RayState};
+use ashfall::twins::ray_block::RayBlock;
 use ashfall::twins::ray_setup::ViewRays;
 use ashfall::twins::transfer::TransferSegment;
 
@@ -102,6 +110,15 @@ fn push(shader: &str) -> Host {
             view,
             step_world,
         }),
+        "rays for bricks" => host!(twins::rays::BrickPush {
+            tile_origin_pixel,
+            tile_size_pixel,
+            volume_size,
+            view,
+            step_world,
+            level,
+            unused_0,
+        }),
         "probe" => host!(twins::probe::Push {
             origin_voxel,
             lines_across,
@@ -116,6 +133,33 @@ fn push(shader: &str) -> Host {
                 host!(twins::cast::Push { rays, blocks_max, early_stop, background, unused_0 });
             flattened(cast, "rays", push("rays"))
         }
+        "march_bricks" => host!(twins::march_bricks::Push {
+            tile_origin_pixel,
+            tile_size_pixel,
+            volume_size,
+            view,
+            blocks_max,
+            early_stop,
+            round,
+            last,
+        }),
+        "publish" => host!(twins::publish::Push { update_count }),
+        "tally" | "choose" | "count" | "scan" | "grant" => host!(CacheRound {
+            round,
+            slot_first,
+            slot_count,
+            entry_first,
+            channels,
+            word_first,
+            word_count,
+            ranks,
+            grants_max,
+            requests_max,
+            grant_first,
+            request_first,
+            atlas,
+            live_max,
+        }),
         "march" => host!(march::Push { tile_size_pixel, blocks_max, early_stop }),
         "resolve" => host!(resolve::Push { background, unused_0, tile_size_pixel }),
         other => panic!("{other}.comp is new: say here which struct its push constants are"),
@@ -129,6 +173,46 @@ fn elements(buffer: &str) -> Option<Host> {
         "ray_state" => Some(ray_state()),
         "transfer" => Some(transfer_segment()),
         "views" => Some(view_rays()),
+        "levels" => Some(host!(LevelView {
+            per_scale_step,
+            depth,
+            halvings,
+            held,
+            bricks,
+            first_place,
+            eye_brick,
+            rank_first,
+        })),
+        "ray_block" => {
+            Some(host!(RayBlock { color, depth, transmitted, sample_index, level, met }))
+        }
+        "updates" => Some(host!(Update { entry, value, slot, owner })),
+        "answers" => Some(host!(Answer {
+            wished,
+            first_rank,
+            first_wishes,
+            dead,
+            live,
+            grants,
+            requests,
+            touched,
+        })),
+        "chunk_counts" => Some(host!(ChunkCounts {
+            unused,
+            dead_unused,
+            dead_used,
+            above,
+            at,
+            requests,
+            unused_0,
+            unused_1,
+        })),
+        // Plain numbers: one u32 each, vec4 of a constant, entry and rank of a request.
+        "page_table" | "slot_owner" | "slot_used" | "slot_needed" | "usage_order"
+        | "usage_order_next" | "wished" | "wish_weight" | "touched" | "wishes_of_rank"
+        | "live_of_rank" | "grants" | "requests" | "constants" | "ray_place" => None,
+        // One struct, not an array: compared below.
+        "progress" | "tallies" | "choice" => None,
         // Plain numbers: vec4 pixels, two counters, one sum a line.
         "picture" | "counters" | "sums" => None,
         other => panic!("buffer {other} is new: say here which struct it holds"),
@@ -167,8 +251,57 @@ fn shapes() -> Vec<Shape> {
     ]
 }
 
+/// Shapes of marching through bricks: every macro, alone and together.
+fn brick_shapes() -> Vec<BrickShape> {
+    let atlas = |slot_first| AtlasShape {
+        entry_first: slot_first * 4,
+        channels: 1,
+        slot_first,
+        slots_across: [4, 4],
+    };
+    let plain = BrickShape {
+        march: shape(&[SCALAR], FilterShape::Quads),
+        places: vec![(0, 0)],
+        atlases: vec![atlas(0)],
+        ranks: RankShape { levels: 1, substitute: false },
+        several_levels: false,
+        views: 1,
+        skipping: false,
+        show_states: false,
+        payload: [32; 3],
+        slot: [34; 3],
+    };
+    let full = BrickShape {
+        march: Shape {
+            early_stop: true,
+            nan_voxels: true,
+            ..shape(&[SCALAR, RGBA], FilterShape::Fetch)
+        },
+        places: vec![(0, 0), (1, 0)],
+        atlases: vec![atlas(0), atlas(64)],
+        ranks: RankShape { levels: 4, substitute: false },
+        several_levels: true,
+        views: 2,
+        skipping: true,
+        show_states: true,
+        ..plain.clone()
+    };
+    vec![
+        BrickShape { march: shape(&[SCALAR], FilterShape::Sampler), ..plain.clone() },
+        BrickShape { skipping: true, ..plain.clone() },
+        BrickShape { ranks: RankShape { levels: 4, substitute: true }, ..plain.clone() },
+        plain,
+        BrickShape { ranks: RankShape { levels: 4, substitute: true }, ..full.clone() },
+        BrickShape {
+            march: shape(&[ChannelShape::Scalar { segments: 25 }, SCALAR], FilterShape::Fetch),
+            ..full.clone()
+        },
+        full,
+    ]
+}
+
 fn compiler() -> ShaderCompiler {
-    ShaderCompiler::new(SOURCES, None)
+    ShaderCompiler::new(SOURCES, Some(std::env::temp_dir().join("ashfall-test-spirv")))
 }
 
 fn compiled(variant: &Variant) -> Shader {
@@ -188,11 +321,26 @@ fn all() -> Vec<(&'static str, Vec<Shader>)> {
     let march = shapes.iter().map(|shape| compiled(&shape.variant("march")));
     let cast = shapes.iter().zip([1, 3].into_iter().cycle());
     let cast = cast.map(|(shape, views)| compiled(&cast::variant(shape, views)));
+    let rank_shapes = [(1, false), (4, false), (4, true)]
+        .map(|(levels, substitute)| RankShape { levels, substitute });
+    let ranked = |variant: fn(RankShape) -> Variant| {
+        rank_shapes.iter().map(|shape| compiled(&variant(*shape))).collect::<Vec<_>>()
+    };
+    let mut of_rays: Vec<_> = [1, 3].iter().map(|views| compiled(&rays::variant(*views))).collect();
+    of_rays.push(compiled(&rays::brick_variant(2, 3)));
+    let bricks = brick_shapes();
     vec![
         ("cast", cast.collect()),
-        ("rays", [1, 3].iter().map(|views| compiled(&rays::variant(*views))).collect()),
+        ("march_bricks", bricks.iter().map(|shape| compiled(&shape.variant())).collect()),
+        ("publish", vec![compiled(&publish::variant())]),
+        ("tally", ranked(tally::variant)),
+        ("choose", vec![compiled(&choose::variant())]),
+        ("count", ranked(count::variant)),
+        ("scan", vec![compiled(&scan::variant())]),
+        ("grant", ranked(grant::variant)),
+        ("rays", of_rays),
         ("march", march.collect()),
-        ("resolve", vec![compiled(&resolve::variant())]),
+        ("resolve", vec![compiled(&resolve::variant()), compiled(&resolve::states_variant())]),
         ("probe", probes.iter().map(|shape| compiled(&probe::variant(*shape))).collect()),
     ]
 }
@@ -221,8 +369,9 @@ fn struct_differs(host: &Host, members: &[Member], may_end_early: bool) -> Vec<S
         ));
     }
     for ((name, offset, bytes), member) in host.fields.iter().zip(members) {
-        // The shader nests what the host writes as one name.
-        let same_name = member.name.replace('.', "_") == *name;
+        // The shader nests what the host writes as one name; `cache` is all that a block holds.
+        let member_name = member.name.strip_prefix("cache.").unwrap_or(&member.name);
+        let same_name = member_name.replace('.', "_") == *name;
         if !same_name || (member.offset, member.bytes) != (*offset, *bytes) {
             wrong.push(format!(
                 "{}: {name} at {offset} of {bytes} bytes is {} at {} of {} bytes in the shader",
@@ -414,9 +563,12 @@ fn source(name: &str) -> &'static str {
 #[test]
 fn host_structs_lie_as_in_the_shaders() {
     let mut seen = BTreeSet::new();
-    for (name, variants) in all() {
-        for shader in &variants {
-            assert_eq!(push_differs(&push(name), &shader.reflection), [""; 0], "{name}");
+    let shaders = all();
+    for (name, variants) in &shaders {
+        for shader in variants {
+            let bricks = shader.variant.defines.iter().any(|(define, _)| define == "BRICKS");
+            let push = if bricks { push("rays for bricks") } else { push(name) };
+            assert_eq!(push_differs(&push, &shader.reflection), [""; 0], "{name}");
             for binding in &shader.reflection.bindings {
                 if matches!(binding.kind, BindingKind::SampledImage { .. }) {
                     continue;
@@ -433,11 +585,34 @@ fn host_structs_lie_as_in_the_shaders() {
             }
         }
     }
-    let wanted = ["RayGeometry", "RayState", "TransferSegment", "ViewRays"];
+    let wanted = [
+        "Answer",
+        "ChunkCounts",
+        "LevelView",
+        "RayBlock",
+        "RayGeometry",
+        "RayState",
+        "TransferSegment",
+        "Update",
+        "ViewRays",
+    ];
     assert_eq!(seen, BTreeSet::from(wanted), "every shared struct is compared");
     let resolve = compiled(&resolve::variant()).reflection;
     let of = |name: &str| resolve.bindings.iter().find(|binding| binding.name == name).unwrap();
     assert_eq!(of("picture").members[0].stride, 16, "a pixel is four f32");
+    for (host, shader, buffer) in [
+        (host!(Progress { front, waiting, running, unused_0 }), "tally", "progress"),
+        (host!(Tallies { dead, live, wished, unused_0 }), "choose", "tallies"),
+        (host!(Choice { grants, dead_grants, request_cut, victim_cut }), "choose", "choice"),
+    ] {
+        let (_, variants) = shaders.iter().find(|(name, _)| *name == shader).expect("a shader");
+        let binding = variants[0].reflection.bindings.iter().find(|b| b.name == buffer).unwrap();
+        let mut members = binding.members.clone();
+        for member in &mut members {
+            member.name = member.name.rsplit('.').next().unwrap_or("").to_owned();
+        }
+        assert_eq!(struct_differs(&host, &members, false), [""; 0], "{buffer}");
+    }
     let counters: Vec<_> = of("counters").members.iter().map(|member| member.offset).collect();
     assert_eq!(counters, [0, 4]);
 }
@@ -624,8 +799,9 @@ fn a_struct_that_lies_otherwise_is_noticed() {
 #[test]
 fn a_header_that_lies_is_noticed() {
     let reflection = compiled(&resolve::variant()).reflection;
+    let states = compiled(&resolve::states_variant()).reflection;
     let good = header(source("resolve.comp"));
-    assert_eq!(header_differs(&good, &[&reflection]), [""; 0]);
+    assert_eq!(header_differs(&good, &[&reflection, &states]), [""; 0]);
     let plants: [fn(&mut Header); 7] = [
         |header| _ = header.access.insert("picture".to_owned(), "updates"),
         |header| _ = header.access.insert("ray_state".to_owned(), "updates"),
@@ -638,9 +814,10 @@ fn a_header_that_lies_is_noticed() {
     for (index, plant) in plants.iter().enumerate() {
         let mut bad = good.clone();
         plant(&mut bad);
-        assert_ne!(header_differs(&bad, &[&reflection]), [""; 0], "plant {index}");
+        assert_ne!(header_differs(&bad, &[&reflection, &states]), [""; 0], "plant {index}");
     }
-    let pass = ".read(\"ray_state\", a).write(\"picture\", b).update(\"counters\", c)";
+    let pass = ".read(\"ray_state\", a).write(\"picture\", b).update(\"counters\", c)\
+                .read(\"ray_block\", d).read(\"ray_place\", e)";
     assert_eq!(pass_differs(&good, pass), [""; 0]);
     for (from, to) in [("read", "write"), ("counters", "counter"), (".update", ".read")] {
         assert_ne!(pass_differs(&good, &pass.replace(from, to)), [""; 0], "{from}");

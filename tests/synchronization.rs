@@ -45,8 +45,12 @@ fn rays_then_resolve(device: &Device, fault: bool) -> usize {
         rays::Resources { views: &views, ray_geometry: &ray_geometry, ray_state: &ray_state };
     rays::record(&mut recorder, &set_up, &resources, &push);
     let push = resolve::Push { background: [0.0; 3], unused_0: 0, tile_size_pixel: TILE };
-    let resources =
-        resolve::Resources { ray_state: &ray_state, picture: &picture, counters: &counters };
+    let resources = resolve::Resources {
+        ray_state: &ray_state,
+        picture: &picture,
+        counters: &counters,
+        states: None,
+    };
     resolve::record(&mut recorder, &resolved, &resources, &push);
     if fault {
         recorder.leave_out_barriers_before("resolve");

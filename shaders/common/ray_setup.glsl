@@ -27,7 +27,11 @@ void to_fixed(double value, out int cell, out uint fraction) {
     fraction = unpackDouble2x32(rest).x;
 }
 
-RayGeometry set_up_ray(ViewRays rays, uvec2 pixel_of_view, uvec3 volume_size, double step_world) {
+// The part of the ray between two of its parameters (multiples of its direction), in voxels each of
+// which spans 1 / per_scale level-0 voxels along each axis.
+RayGeometry set_up_ray_within(
+    ViewRays rays, uvec2 pixel_of_view, uvec3 volume_size, double step_world, dvec2 depth, dvec3 per_scale
+) {
     dvec2 at = dvec2(pixel_of_view) + 0.5LF;
     dvec3 origin = rays.origin_voxel.xyz + rays.origin_column_voxel.xyz * at.x
         + rays.origin_row_voxel.xyz * at.y;
@@ -51,8 +55,8 @@ RayGeometry set_up_ray(ViewRays rays, uvec2 pixel_of_view, uvec3 volume_size, do
     dvec3 first = min(to_near, to_far);
     dvec3 last = max(to_near, to_far);
     bvec3 never = bvec3(still.x && outside.x, still.y && outside.y, still.z && outside.z);
-    double enter = max(max(first.x, first.y), max(first.z, 0.0LF));
-    double leave = any(never) ? -1.0LF : min(min(last.x, last.y), last.z);
+    double enter = max(max(first.x, first.y), max(first.z, depth.x));
+    double leave = any(never) ? -1.0LF : min(min(last.x, last.y), min(last.z, depth.y));
 
     RayGeometry geometry;
     geometry.start_cell = ivec3(0);
@@ -70,8 +74,8 @@ RayGeometry set_up_ray(ViewRays rays, uvec2 pixel_of_view, uvec3 volume_size, do
         precise double whole = (steps + ROUNDER) - ROUNDER;
         double count = max(whole < steps ? whole + 1.0LF : whole, 1.0LF);
         double step_ray = (leave - enter) / count;
-        dvec3 start = origin + (enter + 0.5LF * step_ray) * direction - 0.5LF;
-        dvec3 delta = step_ray * direction;
+        dvec3 start = (origin + (enter + 0.5LF * step_ray) * direction) * per_scale - 0.5LF;
+        dvec3 delta = step_ray * direction * per_scale;
         to_fixed(start.x, geometry.start_cell.x, geometry.start_fraction.x);
         to_fixed(start.y, geometry.start_cell.y, geometry.start_fraction.y);
         to_fixed(start.z, geometry.start_cell.z, geometry.start_fraction.z);
@@ -82,6 +86,11 @@ RayGeometry set_up_ray(ViewRays rays, uvec2 pixel_of_view, uvec3 volume_size, do
         geometry.step_world = float(length_world / count);
     }
     return geometry;
+}
+
+RayGeometry set_up_ray(ViewRays rays, uvec2 pixel_of_view, uvec3 volume_size, double step_world) {
+    return set_up_ray_within(
+        rays, pixel_of_view, volume_size, step_world, dvec2(0.0LF, 1.0e300LF), dvec3(1.0LF));
 }
 
 // Nothing marched yet.

@@ -75,9 +75,21 @@ impl Shape {
 
     /// A variant of `shader`, which includes `common/ray_march.glsl`, in this shape.
     pub fn variant(&self, shader: &'static str) -> Variant {
-        let (mut load, mut sample) = (String::new(), String::new());
-        let (mut image, mut first) = (0, 0);
-        for (index, channel) in self.channels.iter().enumerate() {
+        let mut images = 0..;
+        let images = self.channels.iter().map(|channel| match channel {
+            ChannelShape::Constant => 0,
+            _ => images.next().unwrap_or(0),
+        });
+        let variant = self.define(Variant::plain(shader), "", &images.collect::<Vec<_>>());
+        if self.images() > 0 { variant.define("IMAGES", self.images()) } else { variant }
+    }
+
+    /// Adds this shape's macros; `declare` stands before what the channels load, and `images` says which
+    /// image each channel samples.
+    pub(super) fn define(&self, mut variant: Variant, declare: &str, images: &[usize]) -> Variant {
+        let (mut load, mut sample) = (declare.to_owned(), String::new());
+        let mut first = 0;
+        for (index, (channel, image)) in self.channels.iter().zip(images).enumerate() {
             let kind = match channel {
                 ChannelShape::Scalar { .. } => "SCALAR",
                 ChannelShape::Rgba { .. } => "RGBA",
@@ -91,10 +103,9 @@ impl Shape {
             let segments = channel.segments();
             load += &format!("LOAD_SEGMENTS(channel_{index}, {first}, {segments}) ");
             sample += &format!("SAMPLE_{kind}(channel_{index}, {image}, {segments}) ");
-            image += 1;
             first += segments;
         }
-        let mut variant = Variant::plain(shader)
+        variant = variant
             .define("LOAD_CHANNELS", load.trim_end())
             .define("SAMPLE_CHANNELS", sample.trim_end());
         variant = if self.searches() {
@@ -105,18 +116,15 @@ impl Shape {
             variant.define("SEGMENTS_TOTAL", first)
         };
         if self.images() > 0 {
-            variant = variant.define("IMAGES", self.images()).define(self.filter.define(), 1);
+            variant = variant.define(self.filter.define(), 1);
         }
-        if self.early_stop {
-            variant = variant.define("EARLY_STOP", 1);
-        }
-        if self.nan_voxels {
-            variant = variant.define("NAN_VOXELS", 1);
-        }
-        if self.channels.len() > 1 {
-            variant = variant.define("SEVERAL_CHANNELS", 1);
-        }
-        variant
+        let flags = [
+            ("EARLY_STOP", self.early_stop),
+            ("NAN_VOXELS", self.nan_voxels),
+            ("SEVERAL_CHANNELS", self.channels.len() > 1),
+        ];
+        let defined = flags.iter().filter(|(_, defined)| *defined);
+        defined.fold(variant, |variant, (name, _)| variant.define(*name, 1))
     }
 }
 

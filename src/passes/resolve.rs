@@ -9,6 +9,11 @@ pub fn variant() -> Variant {
     Variant::plain("resolve")
 }
 
+/// The variant that tints rays by what they met.
+pub fn states_variant() -> Variant {
+    variant().define("SHOW_STATES", 1)
+}
+
 /// The shader's push constants.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -29,6 +34,8 @@ pub struct Resources<'r> {
     pub picture: &'r Buffer,
     /// Samples taken: low and high word.
     pub counters: &'r Buffer,
+    /// What rays met and where they wait; SHOW_STATES alone.
+    pub states: Option<(&'r Buffer, &'r Buffer)>,
 }
 
 /// Writes every pixel of the tile and adds its samples to the counters.
@@ -39,13 +46,15 @@ pub fn record<'r>(
     push: &Push,
 ) {
     let [width, height] = push.tile_size_pixel;
-    recorder
+    let mut dispatch = recorder
         .compute(pipeline)
         .read("ray_state", resources.ray_state)
         .write("picture", resources.picture)
-        .update("counters", resources.counters)
-        .push(push)
-        .threads([width, height, 1]);
+        .update("counters", resources.counters);
+    if let Some((ray_block, ray_place)) = resources.states {
+        dispatch = dispatch.read("ray_block", ray_block).read("ray_place", ray_place);
+    }
+    dispatch.push(push).threads([width, height, 1]);
     recorder.host_read(resources.picture);
     recorder.host_read(resources.counters);
 }

@@ -117,7 +117,8 @@ fn resolve_rays<'r>(
         unused_0: 0,
         tile_size_pixel: tile.size_pixel,
     };
-    let resources = resolve::Resources { ray_state: &staged.ray_state, picture, counters };
+    let resources =
+        resolve::Resources { ray_state: &staged.ray_state, picture, counters, states: None };
     resolve::record(recorder, &staged.resolve, &resources, &push);
 }
 

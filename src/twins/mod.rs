@@ -4,17 +4,29 @@
 //! A twin is compared with its shader number by number; it is no reference: what both get wrong, only
 //! `reference/` can tell.
 
+pub mod brick_march;
+pub mod cache;
 pub mod cast;
+pub mod choose;
+pub mod classify;
+pub mod count;
 pub mod exponential;
 pub mod filter;
 pub mod fixed_point;
+pub mod grant;
 pub mod limits;
 pub mod march;
+pub mod march_bricks;
 pub mod probe;
+pub mod publish;
+pub mod ranks;
 pub mod ray;
+pub mod ray_block;
 pub mod ray_march;
 pub mod ray_resolve;
 pub mod ray_setup;
 pub mod rays;
 pub mod resolve;
+pub mod scan;
+pub mod tally;
 pub mod transfer;

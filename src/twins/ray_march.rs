@@ -1,9 +1,10 @@
 //! A ray's way through the volume; twin of `shaders/common/ray_march.glsl`.
 
-use crate::twins::exponential::{attenuate, attenuate_bounded};
+use crate::twins::classify::{Block, Medium, join_block};
+use crate::twins::exponential::attenuate;
 use crate::twins::filter::{Texels, filtered};
 use crate::twins::fixed_point::{Fixed3, fixed_advance, fixed_float, fixed_fraction};
-use crate::twins::limits::{BLOCK_SAMPLES, OPAQUE_DEPTH};
+use crate::twins::limits::BLOCK_SAMPLES;
 use crate::twins::ray::{RayGeometry, RayState};
 use crate::twins::transfer::{TransferSegment, classify};
 
@@ -56,34 +57,16 @@ pub fn march_ray(
         let anchor = fixed_advance(start, delta, state.next_sample);
         let anchor_fraction = fixed_fraction(anchor.fraction);
         let samples = BLOCK_SAMPLES.min(geometry.sample_count - state.next_sample);
-        let mut block_color = [0.0f32; 3];
-        let mut block_depth = 0.0f32;
-        let mut block_transmitted = 1.0f32;
+        let mut block = Block::EMPTY;
         for index in 0..samples {
             let position: [f32; 3] =
                 std::array::from_fn(|a| anchor_fraction[a] + index as f32 * step_voxel[a]);
             let cell = position.map(f32::floor);
             let within = std::array::from_fn(|a| position[a] - cell[a]);
             let corner = std::array::from_fn(|a| anchor.cell[a] + cell[a] as i32 + 1);
-            let (color, extinction) = mixed(channels, corner, within);
-            let depth = (extinction * geometry.step_world).min(OPAQUE_DEPTH);
-            let attenuation = attenuate_bounded(depth);
-            let weight = block_transmitted * attenuation.absorbed;
-            for (sum, part) in block_color.iter_mut().zip(color) {
-                *sum += weight * part;
-            }
-            block_transmitted -= weight;
-            block_depth += depth;
+            block.composite(mixed(channels, corner, within), geometry.step_world);
         }
-        let transmitted = attenuate(state.optical_depth).transmitted;
-        for (sum, part) in state.color.iter_mut().zip(block_color) {
-            *sum += transmitted * part;
-        }
-        let sum = state.optical_depth + block_depth;
-        state.optical_depth_rest += block_depth - (sum - state.optical_depth);
-        let settled = sum + state.optical_depth_rest;
-        state.optical_depth_rest -= settled - sum;
-        state.optical_depth = settled;
+        join_block(state, &block);
         state.samples_taken += samples;
         state.next_sample += samples;
         if let Some(early_stop) = settings.early_stop
@@ -110,18 +93,7 @@ fn mixed(channels: &[Channel], corner: [i32; 3], within: [f32; 3]) -> ([f32; 3],
         }
         Channel::Constant { segment } => segment.start,
     });
-    if let [_] = channels {
-        let mut classified = classified;
-        let [r, g, b, extinction] = classified.next().unwrap_or_default();
-        return ([r, g, b], extinction);
-    }
-    let mut emission = [0.0f32; 3];
-    let mut extinction = 0.0f32;
-    for [r, g, b, sigma] in classified {
-        for (sum, color) in emission.iter_mut().zip([r, g, b]) {
-            *sum += sigma * color;
-        }
-        extinction += sigma;
-    }
-    (emission.map(|sum| sum / extinction.max(1.0e-37)), extinction)
+    let mut medium = Medium::new(channels.len() > 1);
+    classified.for_each(|classified| medium.mix_in(classified));
+    medium.mixed()
 }

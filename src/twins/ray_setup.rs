@@ -34,9 +34,22 @@ fn to_fixed(value: f64) -> (i32, u32) {
 /// The ray through the centre of pixel (column, row) of the view.
 pub fn set_up_ray(
     view: &ViewRays,
+    pixel: [u32; 2],
+    volume_size: [u32; 3],
+    step_world: f64,
+) -> RayGeometry {
+    set_up_ray_within(view, pixel, volume_size, step_world, [0.0, 1e300], [1.0; 3])
+}
+
+/// The part of it between two of its parameters (multiples of its direction), in voxels each of which
+/// spans 1 / `per_scale` level-0 voxels along each axis.
+pub fn set_up_ray_within(
+    view: &ViewRays,
     [column, row]: [u32; 2],
     volume_size: [u32; 3],
     step_world: f64,
+    depth: [f64; 2],
+    per_scale: [f64; 3],
 ) -> RayGeometry {
     let at_x = f64::from(column) + 0.5;
     let at_y = f64::from(row) + 0.5;
@@ -48,8 +61,7 @@ pub fn set_up_ray(
         linear(&view.direction_voxel, &view.direction_column_voxel, &view.direction_row_voxel);
     let direction_world =
         linear(&view.direction_world, &view.direction_column_world, &view.direction_row_world);
-    let mut enter = 0.0f64;
-    let mut leave = 1e300f64;
+    let [mut enter, mut leave] = depth;
     let mut never = false;
     for axis in 0..3 {
         let extent = f64::from(volume_size[axis]);
@@ -77,8 +89,9 @@ pub fn set_up_ray(
         let count = (if whole < steps { whole + 1.0 } else { whole }).max(1.0);
         let step_ray = (leave - enter) / count;
         for axis in 0..3 {
-            let start = origin[axis] + (enter + 0.5 * step_ray) * direction[axis] - 0.5;
-            let delta = step_ray * direction[axis];
+            let middle = origin[axis] + (enter + 0.5 * step_ray) * direction[axis];
+            let start = middle * per_scale[axis] - 0.5;
+            let delta = step_ray * direction[axis] * per_scale[axis];
             (geometry.start_cell[axis], geometry.start_fraction[axis]) = to_fixed(start);
             (geometry.delta_cell[axis], geometry.delta_fraction[axis]) = to_fixed(delta);
         }

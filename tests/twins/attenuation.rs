@@ -33,7 +33,8 @@ fn resolved(
     let push = resolve::Push { background, unused_0: 0, tile_size_pixel: tile };
     device.run(|recorder| {
         let (picture, counters) = (&picture, &counters);
-        let resources = resolve::Resources { ray_state: &ray_state, picture, counters };
+        let resources =
+            resolve::Resources { ray_state: &ray_state, picture, counters, states: None };
         resolve::record(recorder, &pipeline, &resources, &push);
     });
     let counters = device.values::<u32>(&counters);

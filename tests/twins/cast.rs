@@ -72,7 +72,7 @@ fn by_stages(
             march::record(recorder, &move_on, &resources, &push);
         }
         let push = resolve::Push { background: push.background, unused_0: 0, tile_size_pixel };
-        let resources = resolve::Resources { ray_state, picture, counters };
+        let resources = resolve::Resources { ray_state, picture, counters, states: None };
         resolve::record(recorder, &finish, &resources, &push);
     });
     (device.written(&picture), device.values(&counters))

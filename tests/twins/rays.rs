@@ -140,7 +140,7 @@ fn a_missing_barrier_is_heard() {
         let tile_size_pixel = push.tile_size_pixel;
         let push = resolve::Push { background: [0.0; 3], unused_0: 0, tile_size_pixel };
         let (picture, counters) = (&picture, &counters);
-        let resources = resolve::Resources { ray_state, picture, counters };
+        let resources = resolve::Resources { ray_state, picture, counters, states: None };
         resolve::record(recorder, &finish, &resources, &push);
         recorder.leave_out_barriers_before("resolve");
     });

@@ -1,0 +1,34 @@
+// slots.glsl: whether a slot may be given up, and in which order. Includers declare slot_owner. twin: src/twins/cache.rs
+//
+// binds    slot_used    [slot]  round in which a ray last used it
+//          slot_needed  [slot]  round in which a waiting ray last needed it; exact refinement alone
+// variants SUBSTITUTE: what this round used stays, and so do levels that are held
+
+layout(std430) readonly buffer slot_used { uint round_used[]; };
+#ifdef SUBSTITUTE
+#define RANK_HELD 0u
+#else
+layout(std430) readonly buffer slot_needed { uint round_needed[]; };
+#endif
+
+// SLOT_DEAD, SLOT_PROMISED, or the rank at which the slot's brick may still be needed.
+uint rank_of_slot(CacheRound cache, uint slot, uint front) {
+    uint owner = owner_of_slot[slot];
+    if (owner == OWNER_GRANTED) {
+        return SLOT_PROMISED;
+    }
+    if (owner == OWNER_FREE) {
+        return SLOT_DEAD;
+    }
+    uint place = (owner - cache.entry_first) / cache.channels;
+#ifdef SUBSTITUTE
+    bool held = level_views[level_of_place(place)].held != 0u;
+    return held || round_used[slot] == cache.round ? RANK_HELD : SLOT_DEAD;
+#else
+    uint rank = rank_of_place(place);
+    // All rays stand at the front or behind it. Who needed a brick at the front has gone through it,
+    // unless it waits for another brick of that place.
+    bool passed = rank < front || (rank == front && round_needed[slot] != cache.round);
+    return rank >= cache.ranks || passed ? SLOT_DEAD : rank;
+#endif
+}

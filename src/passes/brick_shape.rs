@@ -1,0 +1,77 @@
+//! What shapes the shader that marches through bricks: only what the scene has gets into it.
+
+use crate::gpu::Variant;
+use crate::passes::cache_buffers::RankShape;
+use crate::passes::march_shape::Shape;
+
+/// Where an atlas stands in the buffers that all atlases share.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct AtlasShape {
+    /// Its first entry; a place's entries stand together, one per channel of the atlas.
+    pub entry_first: u32,
+    /// Its channels.
+    pub channels: u32,
+    /// Its first slot.
+    pub slot_first: u32,
+    /// Slots along x and y.
+    pub slots_across: [u32; 2],
+}
+
+/// What shapes the variant.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct BrickShape {
+    /// Channels, filter, early stop, NaN: as without bricks.
+    pub march: Shape,
+    /// For each channel its atlas and its number in there.
+    pub places: Vec<(usize, u32)>,
+    /// One per texel format.
+    pub atlases: Vec<AtlasShape>,
+    /// How bricks are ranked.
+    pub ranks: RankShape,
+    /// Whether some view uses several levels.
+    pub several_levels: bool,
+    /// Views of the scene.
+    pub views: usize,
+    /// Whether bricks of nothing are crossed in one step.
+    pub skipping: bool,
+    /// Whether rays remember what they met.
+    pub show_states: bool,
+    /// Voxels of a brick along each axis.
+    pub payload: [u32; 3],
+    /// Texels of a slot along each axis.
+    pub slot: [u32; 3],
+}
+
+impl BrickShape {
+    /// The variant of march_bricks.
+    pub fn variant(&self) -> Variant {
+        let (mut declare, mut look_up, mut mark) = (String::new(), String::new(), String::new());
+        for (index, (atlas, channel)) in self.places.iter().enumerate() {
+            let AtlasShape { entry_first, channels, slot_first, slots_across: [x, y] } =
+                self.atlases[*atlas];
+            declare += &format!("Found channel_{index}; ");
+            look_up += &format!(
+                "LOOK_UP(channel_{index}, {entry_first}u, {channels}u, {channel}u, {slot_first}u, uvec2({x}, {y})) "
+            );
+            mark += &format!("MARK({entry_first}u, {channels}u, {channel}u, {slot_first}u) ");
+        }
+        let triple = |[x, y, z]: [u32; 3]| format!("uvec3({x}, {y}, {z})");
+        let atlas_of_channel: Vec<_> = self.places.iter().map(|(atlas, _)| *atlas).collect();
+        let variant = self.ranks.variant("march_bricks");
+        let variant = self
+            .march
+            .define(variant, &declare, &atlas_of_channel)
+            .define("LOOK_UP_CHANNELS", look_up.trim_end())
+            .define("MARK_CHANNELS", mark.trim_end())
+            .define("ATLASES", self.atlases.len())
+            .define("PAYLOAD", triple(self.payload))
+            .define("SLOT", triple(self.slot));
+        let mut flags = vec![("SKIPPING", self.skipping), ("SHOW_STATES", self.show_states)];
+        flags.retain(|(_, defined)| *defined);
+        let mut variant = flags.iter().fold(variant, |variant, (name, _)| variant.define(*name, 1));
+        if self.several_levels {
+            variant = variant.define("SEVERAL_LEVELS", 1).define("VIEWS", self.views);
+        }
+        variant
+    }
+}

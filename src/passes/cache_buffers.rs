@@ -1,0 +1,67 @@
+//! Buffers of the cache, as the passes that manage it share them, and their variants.
+
+use crate::gpu::{Buffer, ComputePipeline, Variant};
+
+/// How wishes and slots are ranked: shapes every pass that ranks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct RankShape {
+    /// Levels of the volume.
+    pub levels: u32,
+    /// Wishes by weight, slots by use alone.
+    pub substitute: bool,
+}
+
+impl RankShape {
+    /// A variant of `shader`, which ranks.
+    pub fn variant(self, shader: &'static str) -> Variant {
+        let variant = Variant::plain(shader).define("LEVELS", self.levels);
+        if self.substitute { variant.define("SUBSTITUTE", 1) } else { variant }
+    }
+}
+
+/// Every buffer of the cache. All atlases share them.
+pub struct CacheBuffers {
+    /// `[entry]` state and slot.
+    pub page_table: Buffer,
+    /// `[slot]` entry whose brick the slot holds.
+    pub slot_owner: Buffer,
+    /// `[slot]` round in which a ray last used it.
+    pub slot_used: Buffer,
+    /// `[slot]` round in which a waiting ray last needed it; exact refinement alone.
+    pub slot_needed: Option<Buffer>,
+    /// `[slot]` least recently used first; this round's and the next one's, taking turns.
+    pub usage_order: [Buffer; 2],
+    /// `[word]` one bit per entry.
+    pub wished: Buffer,
+    /// `[entry]` what the brick would add; substitute refinement alone.
+    pub wish_weight: Option<Buffer>,
+    /// `[word]` one bit per entry that rays have used.
+    pub touched: Buffer,
+    /// Front of the rays.
+    pub progress: Buffer,
+    /// `[rank]`
+    pub wishes_of_rank: Buffer,
+    /// `[rank]`
+    pub live_of_rank: Buffer,
+    /// Before anything is chosen.
+    pub tallies: Buffer,
+    /// How many slots are granted.
+    pub choice: Buffer,
+    /// `[chunk]`
+    pub chunk_counts: Buffer,
+    /// `[atlas]` what the host is told.
+    pub answers: Buffer,
+    /// `[grant]` slots for the host.
+    pub grants: Buffer,
+    /// `[request]` entry and rank.
+    pub requests: Buffer,
+    /// `[update]` what the host learned; written while the device does something else, taking turns.
+    pub updates: [Buffer; 2],
+    /// `[level]` of the view.
+    pub levels: Buffer,
+}
+
+/// Whether the pipeline's variant ranks by weight.
+pub(super) fn substitutes(pipeline: &ComputePipeline) -> bool {
+    pipeline.variant().defines.iter().any(|(name, _)| name == "SUBSTITUTE")
+}

@@ -1,0 +1,236 @@
+//! A ray's way through the bricks of a volume; twin of `shaders/common/brick_march.glsl` in exact
+//! refinement.
+
+use crate::twins::cache::Cache;
+use crate::twins::classify::{Block, Medium, join_block};
+use crate::twins::exponential::attenuate;
+use crate::twins::filter::{Texels, filtered};
+use crate::twins::fixed_point::{Fixed3, fixed_advance, fixed_float, fixed_fraction};
+use crate::twins::limits::{
+    BLOCK_SAMPLES, ENTRY_ABSENT, ENTRY_CONSTANT, ENTRY_EXPECTED, ENTRY_FAILED, ENTRY_MAPPED,
+    ENTRY_PAYLOAD_MASK, ENTRY_STATE_SHIFT, ENTRY_UNMAPPED,
+};
+use crate::twins::ranks::{LevelView, place_of_brick};
+use crate::twins::ray::{RayGeometry, RayState};
+use crate::twins::ray_block::{MET_ABSENT, MET_FAILED, RayBlock};
+use crate::twins::transfer::{TransferSegment, classify};
+
+/// A channel of one value per voxel, as the shader sees it.
+pub struct Channel<'a> {
+    /// The atlas's first entry, its channels, and this one among them.
+    pub entry_first: u32,
+    /// See `entry_first`.
+    pub channels: u32,
+    /// See `entry_first`.
+    pub channel: u32,
+    /// The atlas's first slot.
+    pub slot_first: u32,
+    /// Slots of the atlas along x and y.
+    pub slots_across: [u32; 2],
+    /// The atlas.
+    pub atlas: Texels<'a, f32>,
+    /// The channel's transfer function.
+    pub segments: &'a [TransferSegment],
+}
+
+/// The scene as the shader sees it.
+pub struct Scene<'a> {
+    /// In the scene's order.
+    pub channels: &'a [Channel<'a>],
+    /// Of the view.
+    pub levels: &'a [LevelView],
+    /// Texels of bricks of one value.
+    pub constants: &'a [[f32; 4]],
+    /// Voxels of a brick along each axis.
+    pub payload: [i32; 3],
+    /// Texels of a slot along each axis.
+    pub slot: [i32; 3],
+    /// Bricks of nothing are crossed in one step.
+    pub skipping: bool,
+}
+
+/// What shapes the march beside the scene.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Blocks of samples to take at most.
+    pub blocks_max: u32,
+    /// A ray ends when less than this is transmitted; nothing: never.
+    pub early_stop: Option<f32>,
+    /// Counts from 1.
+    pub round: u32,
+}
+
+#[derive(Clone, Copy)]
+enum Has {
+    Nothing,
+    Constant(f32),
+    Slot { origin: [i32; 3] },
+}
+
+/// Marks what a ray that waits at a place needs of all channels; true where it has to wait.
+pub fn mark_place(cache: &mut Cache, scene: &Scene, round: u32, place: u32) -> bool {
+    let mut waits = false;
+    for channel in scene.channels {
+        let entry = channel.entry_first + place * channel.channels + channel.channel;
+        let value = cache.page_table[entry as usize];
+        match value >> ENTRY_STATE_SHIFT {
+            ENTRY_MAPPED => {
+                let slot = (channel.slot_first + (value & ENTRY_PAYLOAD_MASK)) as usize;
+                cache.slot_used[slot] = round;
+                cache.slot_needed[slot] = round;
+            }
+            ENTRY_UNMAPPED => {
+                cache.wished[(entry >> 5) as usize] |= 1 << (entry & 31);
+                waits = true;
+            }
+            ENTRY_EXPECTED => waits = true,
+            _ => {}
+        }
+    }
+    waits
+}
+
+/// Takes up to the settings' blocks of samples of one ray in one level; gives the place whose brick is
+/// not there, if that stops it.
+pub fn march_bricks(
+    geometry: &RayGeometry,
+    state: &mut RayState,
+    partial: &mut RayBlock,
+    cache: &mut Cache,
+    scene: &Scene,
+    settings: &Settings,
+) -> Option<u32> {
+    let start = Fixed3 { cell: geometry.start_cell, fraction: geometry.start_fraction };
+    let delta = Fixed3 { cell: geometry.delta_cell, fraction: geometry.delta_fraction };
+    let step_voxel = fixed_float(delta);
+    let level = &scene.levels[partial.level as usize];
+    let mut found: Vec<Has> = Vec::new();
+    let (mut box_first, mut box_end) = ([0; 3], [0; 3]);
+    let mut missing = None;
+    let mut sample_index = partial.sample_index;
+    let mut block =
+        Block { color: partial.color, depth: partial.depth, transmitted: partial.transmitted };
+    for _ in 0..settings.blocks_max {
+        if state.next_sample >= geometry.sample_count || missing.is_some() {
+            break;
+        }
+        let anchor = fixed_advance(start, delta, state.next_sample);
+        let anchor_fraction = fixed_fraction(anchor.fraction);
+        let samples = BLOCK_SAMPLES.min(geometry.sample_count - state.next_sample);
+        while sample_index < samples {
+            let position: [f32; 3] =
+                std::array::from_fn(|a| anchor_fraction[a] + sample_index as f32 * step_voxel[a]);
+            let cell = position.map(f32::floor);
+            let within = std::array::from_fn(|a| position[a] - cell[a]);
+            let voxel: [i32; 3] = std::array::from_fn(|a| anchor.cell[a] + cell[a] as i32);
+            if (0..3).any(|a| voxel[a] < box_first[a] || voxel[a] >= box_end[a]) {
+                let brick: [i32; 3] = std::array::from_fn(|a| voxel[a].max(0) / scene.payload[a]);
+                box_first =
+                    std::array::from_fn(|a| brick[a] * scene.payload[a] - i32::from(brick[a] == 0));
+                box_end = std::array::from_fn(|a| (brick[a] + 1) * scene.payload[a]);
+                let place = place_of_brick(level, brick);
+                found.clear();
+                for channel in scene.channels {
+                    let (has, state) = look_up(cache, scene, channel, place, brick, settings.round);
+                    found.push(has);
+                    if state <= ENTRY_EXPECTED {
+                        missing = Some(place);
+                    }
+                    partial.met |= match state {
+                        ENTRY_FAILED => MET_FAILED,
+                        ENTRY_ABSENT => MET_ABSENT,
+                        _ => 0,
+                    };
+                }
+            }
+            if missing.is_some() {
+                break;
+            }
+            if scene.skipping && found.iter().all(|has| matches!(has, Has::Nothing)) {
+                let ends = (box_first, box_end);
+                sample_index += samples_inside(position, step_voxel, ends, anchor.cell);
+                continue;
+            }
+            let mut medium = Medium::new(scene.channels.len() > 1);
+            for (channel, has) in scene.channels.iter().zip(&found) {
+                let texel = match *has {
+                    Has::Nothing => f32::NAN,
+                    Has::Constant(texel) => texel,
+                    Has::Slot { origin } => {
+                        let corner = std::array::from_fn(|a| origin[a] + voxel[a] + 1);
+                        filtered(&channel.atlas, corner, within, |texel| [texel])[0]
+                    }
+                };
+                medium.mix_in(if texel.is_nan() {
+                    [0.0; 4]
+                } else {
+                    classify(channel.segments, texel)
+                });
+            }
+            block.composite(medium.mixed(), geometry.step_world);
+            state.samples_taken += 1;
+            sample_index += 1;
+        }
+        if missing.is_none() {
+            join_block(state, &block);
+            block = Block::EMPTY;
+            let skipped = (sample_index / BLOCK_SAMPLES * BLOCK_SAMPLES).max(samples);
+            state.next_sample = geometry.sample_count.min(state.next_sample + skipped);
+            sample_index = sample_index.saturating_sub(skipped);
+            if let Some(early_stop) = settings.early_stop
+                && attenuate(state.optical_depth).transmitted < early_stop
+            {
+                state.next_sample = geometry.sample_count;
+                partial.level = scene.levels.len() as u32;
+            }
+        }
+    }
+    partial.color = block.color;
+    partial.depth = block.depth;
+    partial.transmitted = block.transmitted;
+    partial.sample_index = if state.next_sample < geometry.sample_count { sample_index } else { 0 };
+    missing
+}
+
+fn look_up(
+    cache: &mut Cache,
+    scene: &Scene,
+    channel: &Channel,
+    place: u32,
+    brick: [i32; 3],
+    round: u32,
+) -> (Has, u32) {
+    let entry = channel.entry_first + place * channel.channels + channel.channel;
+    let value = cache.page_table[entry as usize];
+    let (state, payload) = (value >> ENTRY_STATE_SHIFT, value & ENTRY_PAYLOAD_MASK);
+    let has = match state {
+        ENTRY_MAPPED => {
+            cache.slot_used[(channel.slot_first + payload) as usize] = round;
+            let [across, down] = channel.slots_across;
+            let row = payload / across;
+            let slot = [payload % across, row % down, row / down].map(|at| at as i32);
+            let origin =
+                std::array::from_fn(|a| slot[a] * scene.slot[a] - brick[a] * scene.payload[a]);
+            Has::Slot { origin }
+        }
+        ENTRY_CONSTANT => Has::Constant(scene.constants[payload as usize][3]),
+        _ => Has::Nothing,
+    };
+    (has, state)
+}
+
+/// How many samples, this one included, surely lie in the box.
+fn samples_inside(
+    position: [f32; 3],
+    step_voxel: [f32; 3],
+    (first, end): ([i32; 3], [i32; 3]),
+    anchor_cell: [i32; 3],
+) -> u32 {
+    let count = |axis: usize| {
+        let step = step_voxel[axis];
+        let ahead = if step > 0.0 { end[axis] } else { first[axis] } - anchor_cell[axis];
+        if step == 0.0 { 1.0e9 } else { (ahead as f32 - position[axis]) / step }
+    };
+    let least = count(0).min(count(1)).min(count(2));
+    (least * 0.9999 - 0.01).max(1.0) as u32
+}
