@@ -478,21 +478,26 @@ fn too_many_voxels_are_refused_before_any_allocation() {
     let sparse = std::fs::File::create(folder.path("huge.raw")).expect("a sparse file");
     let held = sparse.set_len(1 << 40).is_ok();
     let mut cases = vec![
-        (GOOD.replace("[4, 4, 4]", "[1048576, 1048576, 1]"), "1048576 x 1048576 x 1"),
-        (GOOD.replace("[4, 4, 4]", "[16384, 16384, 4096]"), "16384 x 16384 x 4096"),
-        (GOOD.replace("[4, 4, 4]", "[16777216, 16777216, 16777216]"), "16777216 x 16777216"),
-        (GOOD.replace("[4, 4, 4]", "[1024, 1024, 1025]"), "1024 x 1024 x 1025"),
+        (GOOD.replace("[4, 4, 4]", "[1048576, 1048576, 1]"), "1048576 x 1048576 x 1", "lower size"),
+        (GOOD.replace("[4, 4, 4]", "[16384, 16384, 4096]"), "16384 x 16384 x 4096", "lower size"),
+        (
+            GOOD.replace("[4, 4, 4]", "[16777216, 16777216, 16777216]"),
+            "16777216 x 16777216",
+            "lower size",
+        ),
+        (GOOD.replace("[4, 4, 4]", "[1024, 1024, 1025]"), "1024 x 1024 x 1025", "lower size"),
     ];
     if held {
         let raw = "source = \"huge.raw\"\nraw = { size = [1048576, 1048576, 1], type = \"u8\" }";
-        cases.push((GOOD.replace(SOURCE, raw), "1048576 x 1048576 x 1"));
+        let remedy = "huge.raw -o OUT.bricks`) or raise --ram-mib";
+        cases.push((GOOD.replace(SOURCE, raw), "1048576 x 1048576 x 1", remedy));
     } else {
         eprintln!("SKIPPED: this file system holds no sparse file of 1 TiB");
     }
-    for (text, size) in cases {
+    for (text, size, remedy) in cases {
         let scene = folder.write("scene.toml", text);
         let run = ashfall_within(1 << 20, ["render".as_ref(), scene.as_os_str()]);
-        let says = ["\"ball\"", size, "MiB", "ram_mib", "lower size"];
+        let says = ["\"ball\"", size, "MiB", "ram_mib", "--ram-mib", remedy];
         assert_eq!(complaint(&run, None, &says), None);
     }
 }

@@ -3,13 +3,18 @@
 mod support;
 
 use std::collections::HashMap;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use ashfall::error::Exit;
+use ashfall::import::DenseVolume;
 use ashfall::source::faulty::{Corrupt, Failing, Faulty, Short, Slow, Stalling};
 use ashfall::source::{BrickEntry, BrickSource, Field, FieldSource, KINDS, computed, read_checked};
 use ashfall::store::{Compression, Store};
-use ashfall::volume::{BrickId, Levels, Size3, ValueRange, VoxelFormat, Voxels, WorldFromVoxel};
+use ashfall::volume::{
+    BrickId, ChannelVoxels, Levels, Size3, ValueRange, VolumeVoxels, VoxelFormat, Voxels,
+    WorldFromVoxel,
+};
 use support::{Folder, Random, Volume, settings, voxels};
 
 /// A ramp that is 0 in the lower half of x: bounds are exact and cost nothing.
@@ -217,6 +222,19 @@ fn stores_keep_the_contract() {
     let folder = Folder::new();
     for store in stores(&folder) {
         check_contract(&store);
+    }
+}
+
+#[test]
+fn dense_volumes_keep_the_contract() {
+    let mut random = Random(22);
+    let size = Size3::new(37, 21, 29);
+    let world_from_voxel = WorldFromVoxel::from_spacing([1.0, 1.0, 2.0]).unwrap();
+    for format in VoxelFormat::ALL {
+        let channel = |voxels| ChannelVoxels { voxels, slope: 2.0, intercept: -1.0 };
+        let channels = (0..2).map(|_| channel(voxels(format, size, &mut random, true))).collect();
+        let whole = Arc::new(VolumeVoxels { size, world_from_voxel, channels });
+        check_contract(&DenseVolume::new("dense", whole, Size3::new(8, 8, 5)));
     }
 }
 

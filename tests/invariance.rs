@@ -90,12 +90,12 @@ height = 1.0
     let dispatches = drawn.records.iter().flat_map(|record| &record.steps);
     let marches = dispatches.filter(|step| step.label == "march").count();
     assert!(marches >= 25, "{marches} dispatches of at most 4096 steps");
-    let (volume, voxels) = data.volume();
+    let (volume, voxels) = data.volume().unwrap_or_else(|why| panic!("{why}"));
     let truth = ashfall::reference::render(
         &data.scene.views[0],
         [8, 8],
         [0.0; 3],
-        &[(volume, voxels)],
+        &[(volume, &*voxels)],
         &ashfall::reference::Settings::default(),
         &|_| {},
     );

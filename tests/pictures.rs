@@ -51,10 +51,10 @@ fn load(scene: &Path, overrides: &Overrides) -> SceneData {
 }
 
 fn reference(data: &SceneData, view: usize) -> Vec<[f64; 4]> {
-    let (volume, voxels) = data.volume();
+    let (volume, voxels) = data.volume().unwrap_or_else(|why| panic!("{why}"));
     let scene = &data.scene;
     let settings = TruthSettings { tolerance: 1e-8, ..TruthSettings::default() };
-    let volumes = [(volume, voxels)];
+    let volumes = [(volume, &*voxels)];
     let (size, background) = (scene.picture.size, scene.picture.background);
     truth(&scene.views[view], size, background, &volumes, &settings, &|_| {}).rgba
 }

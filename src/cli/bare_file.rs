@@ -4,14 +4,16 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use crate::cli::load::check_memory;
+use crate::cli::load::{Shown, open_file};
 use crate::error::{Error, Result};
-use crate::import::{self, Options};
+use crate::import::Options;
+use crate::render::SceneData;
 use crate::scene::{
     Channel, Overrides, Place, Projection, Scene, Source, TransferFunction, TransferPoint, View,
     Volume,
 };
-use crate::volume::{ChannelVoxels, VolumeVoxels};
+use crate::source::ChannelDescription;
+use crate::volume::{Size3, WorldFromVoxel};
 
 /// Channels drawn at once; a file's others need a scene.
 const CHANNELS_MAX: u32 = 4;
@@ -26,46 +28,51 @@ const DEPTH_AT_TOP: f64 = 16.0;
 const MARGIN: f64 = 1.05;
 const FOV_DEGREES: f64 = 35.0;
 
-/// Reads a file and makes a scene of it.
+/// Opens a file and makes a scene of it.
 ///
 /// # Errors
-/// As `import::open`; exit code 3 when it does not fit `--ram-mib`.
-pub fn load(
-    path: &Path,
-    options: &Options,
-    overrides: &Overrides,
-) -> Result<(Scene, VolumeVoxels)> {
-    let mut input = import::open(path, options)?;
-    let header = input.header();
-    let shown: Vec<u32> = (0..header.channels.min(CHANNELS_MAX)).collect();
-    if header.channels > CHANNELS_MAX {
-        eprintln!(
-            "ashfall: note: {} has {} channels, the first {CHANNELS_MAX} are drawn: write a scene to choose",
-            path.display(),
-            header.channels
-        );
-    }
+/// As `import::open`; exit code 3 when it must be read whole and does not fit `--ram-mib`.
+pub fn load(path: &Path, options: &Options, overrides: &Overrides) -> Result<SceneData> {
     // What the flags say is checked as a scene's values are; volumes and views are put in after.
     let mut scene = Scene::from_toml(STAND_IN, path, overrides)?;
-    check_memory(header.size, header.format, shown.len(), &scene)
-        .map_err(|why| why.at(path.display()))?;
-    let voxels = import::read_whole(&mut *input, &shown, scene.memory.ram_mib << 20)?;
-    let channels = voxels
-        .channels
+    let shown = Shown::First(CHANNELS_MAX);
+    let (data, in_file) = open_file(path, options, shown, None, scene.memory.ram_mib)?;
+    if in_file > CHANNELS_MAX {
+        eprintln!(
+            "ashfall: note: {} has {in_file} channels, the first {CHANNELS_MAX} are drawn: write a scene to choose",
+            path.display(),
+        );
+    }
+    let volume = data.source.description();
+    let world_from_voxel = match options.spacing {
+        Some(spacing) => {
+            WorldFromVoxel::from_spacing(spacing).map_err(|why| why.at(path.display()))?
+        }
+        None => volume.world_from_voxel,
+    };
+    let placed = Placed { size: volume.size(), world_from_voxel };
+    let shown: Vec<_> = data.shown().collect();
+    let channels = shown
         .iter()
         .enumerate()
-        .map(|(index, channel)| look(index, channel, &voxels))
+        .map(|(index, channel)| look(index, shown.len(), channel, &placed))
         .collect::<Result<Vec<_>>>()
         .map_err(|why| why.at(path.display()))?;
     scene.volumes = vec![Volume {
         name: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         source: Source::File { path: path.to_owned(), raw: options.raw },
-        world_from_voxel: None,
+        world_from_voxel: Some(world_from_voxel),
         channels,
         place: Place::Code,
     }];
-    scene.views = vec![whole_view(&voxels).map_err(|why| why.at(path.display()))?];
-    Ok((scene, voxels))
+    scene.views = vec![whole_view(&placed).map_err(|why| why.at(path.display()))?];
+    SceneData::new(scene, vec![data])
+}
+
+/// Where the volume is.
+struct Placed {
+    size: Size3,
+    world_from_voxel: WorldFromVoxel,
 }
 
 const STAND_IN: &str = r#"
@@ -82,8 +89,13 @@ up = [0.0, 1.0, 0.0]
 height = 1.0
 "#;
 
-fn look(index: usize, channel: &ChannelVoxels, voxels: &VolumeVoxels) -> Result<Channel> {
-    let range = channel.voxels.range();
+fn look(
+    index: usize,
+    channels: usize,
+    channel: &ChannelDescription,
+    placed: &Placed,
+) -> Result<Channel> {
+    let range = channel.range;
     let finite = |value: f32| f64::from(value.clamp(-f32::MAX, f32::MAX));
     let scaled = |value: f32| channel.slope * finite(value) + channel.intercept;
     let (a, b) = (scaled(range.least), scaled(range.greatest));
@@ -97,8 +109,8 @@ fn look(index: usize, channel: &ChannelVoxels, voxels: &VolumeVoxels) -> Result<
     };
     let most = f64::from(f32::MAX);
     let window = [lo.clamp(-most, most), hi.clamp(-most, most)];
-    let extinction = DEPTH_AT_TOP / diagonal_world(voxels);
-    let bright = if voxels.channels.len() == 1 { [1.0, 0.97, 0.9] } else { COLORS[index % 4] };
+    let extinction = DEPTH_AT_TOP / diagonal_world(placed);
+    let bright = if channels == 1 { [1.0, 0.97, 0.9] } else { COLORS[index % 4] };
     let dark = bright.map(|part| part * 0.45);
     let point = |at, color, extinction| TransferPoint { at, color, extinction };
     let transfer = TransferFunction::new(vec![
@@ -110,17 +122,17 @@ fn look(index: usize, channel: &ChannelVoxels, voxels: &VolumeVoxels) -> Result<
     Ok(Channel { index: index as u32, window, transfer })
 }
 
-fn diagonal_world(voxels: &VolumeVoxels) -> f64 {
-    let size = DVec3::from_array(voxels.size.to_array().map(f64::from));
-    voxels.world_from_voxel.vector(size).length()
+fn diagonal_world(placed: &Placed) -> f64 {
+    let size = DVec3::from_array(placed.size.to_array().map(f64::from));
+    placed.world_from_voxel.vector(size).length()
 }
 
 /// From the front, a little from the right and above, with z up: all of the box's sphere in view.
-fn whole_view(voxels: &VolumeVoxels) -> Result<View> {
-    let size = DVec3::from_array(voxels.size.to_array().map(f64::from));
-    let centre = voxels.world_from_voxel.point(size * 0.5);
+fn whole_view(placed: &Placed) -> Result<View> {
+    let size = DVec3::from_array(placed.size.to_array().map(f64::from));
+    let centre = placed.world_from_voxel.point(size * 0.5);
     let half_fov = (FOV_DEGREES / 2.0).to_radians();
-    let distance = MARGIN * 0.5 * diagonal_world(voxels) / half_fov.sin();
+    let distance = MARGIN * 0.5 * diagonal_world(placed) / half_fov.sin();
     let eye = centre + DVec3::new(0.55, -1.0, 0.45).normalize() * distance;
     let projection = Projection::Perspective { fov_degrees: FOV_DEGREES };
     View::looking_at("whole".to_owned(), eye, centre, DVec3::Z, projection)

@@ -44,9 +44,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         )));
     }
     check_output(&arguments.output)?;
-    let (mut scene, voxels) = arguments.scene.load_for_reference()?;
-    keep_views(&mut scene.views, &arguments.view)?;
-    let volumes: Vec<_> = scene.volumes.iter().zip(&voxels).collect();
+    let mut data = arguments.scene.load_for_reference()?;
+    keep_views(&mut data.scene.views, &arguments.view)?;
+    data.check_memory()?;
+    let voxels = (0..data.volumes.len()).map(|volume| data.whole(volume));
+    let voxels = voxels.collect::<Result<Vec<_>>>()?;
+    let scene = &data.scene;
+    let volumes: Vec<_> = scene.volumes.iter().zip(voxels.iter().map(|voxels| &**voxels)).collect();
     let mut settings = Settings { tolerance: arguments.error_max, ..Settings::default() };
     if let Some(jobs) = arguments.jobs {
         settings.threads = jobs.max(1);

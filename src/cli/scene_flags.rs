@@ -12,8 +12,7 @@ use crate::error::Result;
 use crate::gpu::{DeviceRequest, Gpu, Instance, ShaderCompiler, Validation};
 use crate::passes::SOURCES;
 use crate::render::{Layout, LayoutChoice, SceneData, Settings};
-use crate::scene::{Overrides, Scene};
-use crate::volume::VolumeVoxels;
+use crate::scene::Overrides;
 
 /// A scene and what wins over it.
 #[derive(Args)]
@@ -61,23 +60,20 @@ pub struct SceneFlags {
 }
 
 impl SceneFlags {
-    /// Reads the scene and its voxels.
+    /// Reads the scene and opens its volumes.
     pub fn load(&self) -> Result<SceneData> {
         if is_scene(&self.scene) {
             return load_scene(&self.scene, &self.overrides());
         }
-        let (scene, voxels) = self.load_for_reference()?;
-        SceneData::new(scene, voxels)
+        bare_file::load(&self.scene, &self.reading.options(), &self.overrides())
     }
 
     /// As [`SceneFlags::load`], for what the reference alone can draw: several volumes.
-    pub fn load_for_reference(&self) -> Result<(Scene, Vec<VolumeVoxels>)> {
+    pub fn load_for_reference(&self) -> Result<SceneData> {
         if is_scene(&self.scene) {
             return load_scene_for_reference(&self.scene, &self.overrides());
         }
-        let (scene, voxels) =
-            bare_file::load(&self.scene, &self.reading.options(), &self.overrides())?;
-        Ok((scene, vec![voxels]))
+        self.load()
     }
 
     /// The flags as the scene takes them.

@@ -11,7 +11,7 @@ use std::collections::VecDeque;
 use std::io;
 use std::path::Path;
 
-use crate::import::coarsen::coarsen;
+use crate::import::coarsen::coarsen_newest;
 use crate::import::level_slices::{LevelSlices, Plan, Take};
 use crate::import::reduce::Summed;
 use crate::import::slices::Budget;
@@ -148,20 +148,8 @@ impl<V: Summed> ChainOf<V> {
 
     /// Does what the newest slice of level `number` makes possible, in all levels.
     fn advance(&mut self, number: usize, take: &mut Take) -> io::Result<()> {
-        let size_0 = self.levels[0].grid.size;
-        let level = &self.levels[number];
-        let end = level.complete;
-        if let Some(halved) = level.halved {
-            let factor = if halved[2] { 2 } else { 1 };
-            if end.is_multiple_of(factor) || end == level.grid.size.z {
-                let coarse_z = (end - 1) / factor;
-                let (finer, coarser) = self.levels.split_at_mut(number + 1);
-                let (finer, coarser) = (&finer[number], &mut coarser[0]);
-                let slices = coarse_z * factor..end;
-                coarsen(finer, coarser, size_0, coarse_z, slices, self.plan.tasks)?;
-                coarser.complete += 1;
-                self.advance(number + 1, take)?;
-            }
+        if coarsen_newest(&mut self.levels, number, self.plan.tasks)? {
+            self.advance(number + 1, take)?;
         }
         // The last slice can make two layers possible: its own and the one that has it as apron.
         while self.levels[number].layer_is_ready() {

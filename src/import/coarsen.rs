@@ -35,12 +35,35 @@ struct Step<'a, V> {
     covered_z: f64,
 }
 
-/// Makes slice `coarse_z` of `coarser` out of `slices` of `finer`. `tasks` blocks are in memory at
-/// once.
+/// Makes a slice of level `number` + 1 if the newest one of level `number` completes all that it
+/// covers; says whether it did. `tasks` blocks are in memory at once.
 ///
 /// # Errors
 /// When slices on disk cannot be read or written.
-pub fn coarsen<V: Summed>(
+pub fn coarsen_newest<V: Summed>(
+    levels: &mut [LevelSlices<V>],
+    number: usize,
+    tasks: usize,
+) -> io::Result<bool> {
+    let size_0 = levels[0].grid.size;
+    let (finer, coarser) = levels.split_at_mut(number + 1);
+    let finer = &finer[number];
+    let (Some(halved), Some(coarser)) = (finer.halved, coarser.first_mut()) else {
+        return Ok(false);
+    };
+    let end = finer.complete;
+    let factor = if halved[2] { 2 } else { 1 };
+    if !end.is_multiple_of(factor) && end != finer.grid.size.z {
+        return Ok(false);
+    }
+    let coarse_z = (end - 1) / factor;
+    coarsen(finer, coarser, size_0, coarse_z, coarse_z * factor..end, tasks)?;
+    coarser.complete += 1;
+    Ok(true)
+}
+
+/// Makes slice `coarse_z` of `coarser` out of `slices` of `finer`.
+fn coarsen<V: Summed>(
     finer: &LevelSlices<V>,
     coarser: &mut LevelSlices<V>,
     size_0: Size3,

@@ -31,19 +31,29 @@ pub fn convert(voxels: Voxels, format: VoxelFormat) -> (Voxels, Counts) {
         (voxels, _) => voxels,
     };
     assert_eq!(voxels.format(), format, "an input's runs have its header's format");
+    let counts = match &mut voxels {
+        Voxels::F32(values) => clean(values),
+        _ => Counts::default(),
+    };
+    (voxels, counts)
+}
+
+/// Leaves one NaN and no infinities.
+pub fn clean(values: &mut [f32]) -> Counts {
     let mut counts = Counts::default();
-    if let Voxels::F32(v) = &mut voxels {
-        for voxel in v {
-            if !voxel.is_finite() {
-                if voxel.is_nan() {
-                    counts.nan += 1;
-                    *voxel = f32::NAN;
-                } else {
-                    counts.infinite += 1;
-                    *voxel = f32::MAX.copysign(*voxel);
-                }
-            }
+    for value in values.iter_mut().filter(|value| !value.is_finite()) {
+        if value.is_nan() {
+            counts.nan += 1;
+            *value = f32::NAN;
+        } else {
+            counts.infinite += 1;
+            *value = f32::MAX.copysign(*value);
         }
     }
-    (voxels, counts)
+    counts
+}
+
+/// Whether [`clean`] would change nothing.
+pub fn is_clean(values: &[f32]) -> bool {
+    values.iter().all(|value| value.is_finite() || value.to_bits() == f32::NAN.to_bits())
 }

@@ -10,7 +10,7 @@ use crate::import::reduce::Summed;
 use crate::import::slices::{Budget, Slices};
 use crate::source::Description;
 use crate::store::{Compression, Encoded, encode};
-use crate::volume::{BRICK_APRON, BrickGrid, BrickId, Level};
+use crate::volume::{BRICK_APRON, BrickBox, BrickGrid, BrickId, Level};
 
 /// Voxel bytes that one task cuts and packs: enough to outweigh handing it over.
 pub const TASK_BYTES: usize = 256 << 10;
@@ -64,37 +64,55 @@ impl<V: Summed> LevelSlices<V> {
         budget: &mut Budget,
         target: &Path,
     ) -> io::Result<Vec<LevelSlices<V>>> {
-        let all: Vec<Level> = description.levels.iter().collect();
-        let mut levels = Vec::with_capacity(all.len());
-        for (number, &level) in all.iter().enumerate().rev() {
-            let [x, y, z] = level.size.to_array();
+        let of_level = |number: u8| {
+            let [x, y, z] = description.levels.get(number).expect("in range").size.to_array();
             let kept = match (number, plan.any_order) {
                 (0, true) => z,
                 _ => z.min(description.payload.z + 2 * BRICK_APRON),
             };
-            let next = all.get(number + 1);
-            let summed = number > 0 && next.is_some();
-            let mut items = |parts: usize, wanted: bool| {
-                let size = [x as usize * parts, y as usize];
-                wanted.then(|| Slices::new(size, 2.min(z), budget, target)).transpose()
-            };
-            let sums = items(V::PARTS, summed)?;
-            let counts = items(1, summed && V::COUNTED)?;
-            levels.push(LevelSlices {
-                number: number as u8,
-                level,
-                grid: BrickGrid { size: level.size, payload: description.payload },
-                halved: next
-                    .map(|next| std::array::from_fn(|axis| next.scale[axis] != level.scale[axis])),
-                voxels: Slices::new([x as usize, y as usize], kept, budget, target)?,
-                sums,
-                counts,
-                complete: 0,
-                next_layer: 0,
-            });
-        }
+            LevelSlices::new(description, number, budget, target, |budget| {
+                Slices::new([x as usize, y as usize], kept, budget, target)
+            })
+        };
+        let numbers = (0..description.levels.count() as u8).rev();
+        let mut levels: Vec<_> = numbers.map(of_level).collect::<io::Result<_>>()?;
         levels.reverse();
         Ok(levels)
+    }
+
+    /// One level, with the sums it needs, whose slices `voxels` makes after them.
+    ///
+    /// # Errors
+    /// When a file beside `target` cannot be made.
+    pub fn new(
+        description: &Description,
+        number: u8,
+        budget: &mut Budget,
+        target: &Path,
+        voxels: impl FnOnce(&mut Budget) -> io::Result<Slices<V>>,
+    ) -> io::Result<LevelSlices<V>> {
+        let level = description.levels.get(number).expect("the caller's own level");
+        let next = description.levels.get(number + 1);
+        let [x, y, z] = level.size.to_array();
+        let summed = number > 0 && next.is_some();
+        let mut items = |parts: usize, wanted: bool| {
+            let size = [x as usize * parts, y as usize];
+            wanted.then(|| Slices::new(size, 2.min(z), budget, target)).transpose()
+        };
+        let sums = items(V::PARTS, summed)?;
+        let counts = items(1, summed && V::COUNTED)?;
+        Ok(LevelSlices {
+            number,
+            level,
+            grid: BrickGrid { size: level.size, payload: description.payload },
+            halved: next
+                .map(|next| std::array::from_fn(|axis| next.scale[axis] != level.scale[axis])),
+            voxels: voxels(budget)?,
+            sums,
+            counts,
+            complete: 0,
+            next_layer: 0,
+        })
     }
 
     /// Whether all slices are there that the next layer of bricks needs, its apron included.
@@ -149,8 +167,8 @@ impl<V: Summed> LevelSlices<V> {
         };
         let zs: Vec<u32> = stored_planes(first.start[2], first.end[2], size[2]).collect();
         let mut copies = Vec::new();
-        let window = if let Some(planes) = zs.iter().map(|&z| self.voxels.slice(z)).collect() {
-            Window { planes, pitch: size[0] as usize, origin: [0, 0] }
+        let window = if let Some(window) = self.window(&zs) {
+            window
         } else {
             let [xs, ys, copied_zs] = [around(0), around(1), around(2)];
             for z in copied_zs.clone() {
@@ -166,11 +184,21 @@ impl<V: Summed> LevelSlices<V> {
         for x in x..end_x {
             let payload = grid.payload_box([x, y, z]);
             window.cut(grid, payload, &mut voxels);
-            let lost =
-                || self.halved.map_or(0.0, |halved| loss(&voxels, payload, grid.size, halved));
+            let lost = || self.loss(&voxels, payload);
             encode(&voxels, grid.stored_size([x, y, z]), compression, lost, &mut encoded);
         }
         Ok(encoded)
+    }
+
+    /// Those slices, if they are in memory.
+    pub fn window(&self, zs: &[u32]) -> Option<Window<'_, V>> {
+        let planes = zs.iter().map(|&z| self.voxels.slice(z)).collect::<Option<_>>()?;
+        Some(Window { planes, pitch: self.grid.size.x as usize, origin: [0, 0] })
+    }
+
+    /// What the next level cannot show of a brick with these stored voxels.
+    pub fn loss(&self, stored: &[V], payload: BrickBox) -> f32 {
+        self.halved.map_or(0.0, |halved| loss(stored, payload, self.grid.size, halved))
     }
 
     /// Gives its memory back.

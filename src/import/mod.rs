@@ -17,6 +17,8 @@ mod chain;
 mod coarsen;
 mod convert;
 mod cut;
+mod dense;
+mod dense_channel;
 mod level_slices;
 mod linear;
 mod metaimage;
@@ -44,6 +46,7 @@ use crate::error::{Error, Result};
 use crate::store::Store;
 use crate::volume::{RawLayout, Size3, VoxelFormat, Voxels, WorldFromVoxel};
 
+pub use dense::DenseVolume;
 pub use pipeline::{Progress, Settings, Summary, import, import_from};
 pub use whole::read_whole;
 

@@ -1,4 +1,5 @@
-//! The last few slices of a growing stack, in memory or in a nameless file.
+//! The last few slices of a growing stack, in memory or in a nameless file; or all of a finished one
+//! that others hold too.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -6,6 +7,7 @@ use std::io;
 use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
+use std::sync::Arc;
 
 use crate::store::nameless_file;
 
@@ -40,6 +42,8 @@ pub struct Slices<T> {
 enum Place<T> {
     Memory(Vec<Vec<T>>),
     Disk(File),
+    /// Every slice, never written.
+    Shared(Arc<dyn AsRef<[T]> + Send + Sync>),
 }
 
 impl<T: bytemuck::Pod> Slices<T> {
@@ -65,6 +69,15 @@ impl<T: bytemuck::Pod> Slices<T> {
         Ok(Slices { width, rows, kept, place })
     }
 
+    /// A finished stack of `kept` slices that is not copied.
+    pub fn shared(
+        [width, rows]: [usize; 2],
+        kept: u32,
+        items: Arc<dyn AsRef<[T]> + Send + Sync>,
+    ) -> Slices<T> {
+        Slices { width, rows, kept, place: Place::Shared(items) }
+    }
+
     /// Gives the memory back to `budget`.
     pub fn release(self, budget: &mut Budget) {
         if matches!(self.place, Place::Memory(_)) {
@@ -83,6 +96,11 @@ impl<T: bytemuck::Pod> Slices<T> {
         match &self.place {
             Place::Memory(slices) => Some(&slices[(z % self.kept) as usize]),
             Place::Disk(_) => None,
+            Place::Shared(items) => {
+                let len = self.width * self.rows;
+                let start = (z % self.kept) as usize * len;
+                Some(&(**items).as_ref()[start..start + len])
+            }
         }
     }
 
@@ -111,15 +129,12 @@ impl<T: bytemuck::Pod> Slices<T> {
         // Whole rows lie together and are read as one.
         let (runs, len) = if x.len() == self.width { (1, items.len()) } else { (y.len(), x.len()) };
         for (run, out) in (0..runs).zip(items.chunks_exact_mut(len.max(1))) {
-            match &self.place {
-                Place::Memory(slices) => {
-                    let start = (y.start + run) * self.width + x.start;
-                    out.copy_from_slice(&slices[(z % self.kept) as usize][start..start + len]);
-                }
-                Place::Disk(file) => file.read_exact_at(
-                    bytemuck::cast_slice_mut(out),
-                    self.disk_place(z, y.start + run, x.start),
-                )?,
+            if let Place::Disk(file) = &self.place {
+                let place = self.disk_place(z, y.start + run, x.start);
+                file.read_exact_at(bytemuck::cast_slice_mut(out), place)?;
+            } else if let Some(slice) = self.slice(z) {
+                let start = (y.start + run) * self.width + x.start;
+                out.copy_from_slice(&slice[start..start + len]);
             }
         }
         Ok(items)
@@ -151,6 +166,7 @@ impl<T: bytemuck::Pod> Slices<T> {
                     slice[start..start + row.len()].copy_from_slice(row);
                 }
                 Place::Disk(file) => file.write_all_at(bytemuck::cast_slice(row), place)?,
+                Place::Shared(_) => unreachable!("a shared stack is finished"),
             }
         }
         Ok(())

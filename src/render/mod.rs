@@ -15,6 +15,7 @@ mod settings;
 mod statistics;
 mod transfer_segments;
 mod upload;
+mod volume_data;
 
 pub use image_layout::{Layout, LayoutChoice, TexelLayout};
 pub use plan::{Plan, PlannedBuffer, PlannedImage, PlannedPass};
@@ -24,3 +25,4 @@ pub use settings::Settings;
 pub use statistics::{PassTime, Statistics, peak_rss_bytes};
 pub use transfer_segments::{classify_constant, transfer_segments};
 pub use upload::upload;
+pub use volume_data::{VolumeData, check_memory};

@@ -140,7 +140,7 @@ impl Plan {
         settings: &Settings,
     ) -> Result<Plan> {
         let scene = &data.scene;
-        let (volume, voxels) = data.volume();
+        let (volume, voxels) = data.volume()?;
         let facts: Vec<_> = voxels.channels.iter().map(ChannelFacts::of).collect();
         let mut left_out = LeftOut::default();
 
@@ -186,7 +186,7 @@ impl Plan {
 
         let step_world =
             (!homogeneous).then(|| scene.quality.step * voxels.world_from_voxel.smallest_edge());
-        let samples_of_ray_max = samples_of_ray_max(voxels, step_world)?;
+        let samples_of_ray_max = samples_of_ray_max(&voxels, step_world)?;
         let dispatches = samples_of_ray_max.div_ceil(u64::from(settings.steps_per_dispatch)) as u32;
 
         let picture = scene.picture.size;

@@ -98,7 +98,7 @@ fn check_fits(data: &SceneData, bytes: u64, limit: u64) -> Result<()> {
     if bytes <= limit {
         return Ok(());
     }
-    let (volume, _) = data.volume();
+    let volume = &data.scene.volumes[0];
     Err(volume.place.error(format!(
         "volume \"{}\" needs {} MiB on the device, but atlas_mib is {}: raise --atlas-mib (paging is not built yet)",
         volume.name,
@@ -113,8 +113,9 @@ fn images_in_layout(
     facts: &[ChannelFacts],
     layout: Layout,
 ) -> Result<(Vec<PlannedImage>, Vec<Option<TexelLayout>>)> {
-    let (volume, voxels) = data.volume();
-    let size = voxels.size.to_array().map(|edge| edge + 2);
+    let volume = &data.scene.volumes[0];
+    let volume_size = data.volumes[0].source.description().size();
+    let size = volume_size.to_array().map(|edge| edge + 2);
     let edge_max = gpu.facts().image_3d_edge_max;
     let mut images = Vec::new();
     let mut layouts = Vec::new();
@@ -126,7 +127,7 @@ fn images_in_layout(
         if size.iter().any(|edge| *edge > edge_max) {
             return Err(volume.place.error(format!(
                 "volume \"{}\" of {} voxels is larger than this device's images ({edge_max} along an axis): paging is not built yet",
-                volume.name, voxels.size
+                volume.name, volume_size
             )));
         }
         let texel = TexelLayout::of(facts.format, facts.range, layout);

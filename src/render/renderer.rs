@@ -78,7 +78,7 @@ impl Renderer {
     /// Exit code 4 when the device runs out of memory or is lost.
     pub fn new(gpu: &Arc<Gpu>, plan: Plan, data: &SceneData) -> Result<Renderer> {
         let scene = &data.scene;
-        let (_, voxels) = data.volume();
+        let (_, voxels) = data.volume()?;
         let make = |name: &str| Buffer::new(gpu, &planned(&plan, name).spec);
         let buffers = Buffers {
             views: make("views")?,

@@ -12,6 +12,7 @@ mod view;
 
 use std::path::PathBuf;
 
+use crate::error::Error;
 use crate::volume::{RawLayout, Size3, WorldFromVoxel};
 
 pub use overrides::Overrides;
@@ -109,6 +110,13 @@ pub struct Volume {
     pub channels: Vec<Channel>,
     /// Where the scene names the source, for messages about it.
     pub place: Place,
+}
+
+impl Volume {
+    /// Puts the volume's place and name before a sentence.
+    pub fn at(&self, why: Error) -> Error {
+        why.at(format_args!("{}: volume \"{}\"", self.place, self.name))
+    }
 }
 
 /// Where voxels come from.

@@ -9,6 +9,7 @@ mod field_source;
 mod formula;
 mod mandelbulb;
 
+pub(crate) use brick_source::no_such_brick;
 pub use brick_source::{BrickEntry, BrickSource, read_checked};
 pub use computed::{Computed, KINDS, computed};
 pub use description::{ChannelDescription, Description};

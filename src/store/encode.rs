@@ -1,5 +1,6 @@
 //! A brick's voxels -> its entry and its bytes in the file.
 
+use crate::source::BrickEntry;
 use crate::store::entry::{Entry, Kind};
 use crate::store::layout::checksum;
 use crate::volume::{BRICK_APRON, Size3, ValueRange, Voxel};
@@ -32,6 +33,26 @@ impl Encoded {
     }
 }
 
+/// What there is to know of a brick of these stored voxels (apron included).
+///
+/// `loss` is called for bricks that are neither absent nor constant.
+pub fn entry_of<V: Voxel>(voxels: &[V], loss: impl FnOnce() -> f32) -> BrickEntry {
+    let range = V::range(voxels);
+    if range.is_empty() {
+        return BrickEntry::Absent;
+    }
+    let raw: &[u8] = bytemuck::cast_slice(voxels);
+    let first = &raw[..size_of::<V>()];
+    // One range is not enough: -0 equals 0, alpha says nothing of colour, NaN has no range.
+    if range.least == range.greatest && raw.chunks_exact(size_of::<V>()).all(|voxel| voxel == first)
+    {
+        let mut voxel = [0; 4];
+        voxel[..first.len()].copy_from_slice(first);
+        return BrickEntry::Constant(voxel);
+    }
+    BrickEntry::Stored { range, loss: loss() }
+}
+
 /// Adds a brick of `size` stored voxels (apron included) to `encoded`.
 ///
 /// `loss` is called for bricks that are neither absent nor constant.
@@ -54,20 +75,17 @@ fn place<V: Voxel>(
     loss: impl FnOnce() -> f32,
     Encoded { bytes: out, packed, .. }: &mut Encoded,
 ) -> Entry {
-    let range = V::range(voxels);
-    if range.is_empty() {
-        return Entry::ABSENT;
-    }
+    let entry = entry_of(voxels, loss);
+    let (range, loss) = match entry {
+        BrickEntry::Absent => return Entry::ABSENT,
+        BrickEntry::Constant(voxel) => {
+            let place = u64::from(u32::from_le_bytes(voxel));
+            let range = entry.range(V::FORMAT);
+            return Entry { kind: Kind::Constant, place, range, ..Entry::ABSENT };
+        }
+        BrickEntry::Stored { range, loss } => (range, loss),
+    };
     let raw: &[u8] = bytemuck::cast_slice(voxels);
-    let first = &raw[..size_of::<V>()];
-    // One range is not enough: -0 equals 0, alpha says nothing of colour, NaN has no range.
-    if range.least == range.greatest && raw.chunks_exact(size_of::<V>()).all(|voxel| voxel == first)
-    {
-        let mut voxel = [0; 8];
-        voxel[..first.len()].copy_from_slice(first);
-        let place = u64::from_le_bytes(voxel);
-        return Entry { kind: Kind::Constant, place, range, ..Entry::ABSENT };
-    }
     let start = out.len();
     let mut kind = Kind::Raw;
     if compression == Compression::Lz4 {
@@ -87,7 +105,7 @@ fn place<V: Voxel>(
         kind,
         place: start as u64,
         stored_bytes: u32::try_from(stored.len()).expect("PAYLOAD_MAX keeps bricks below 4 GiB"),
-        loss: loss(),
+        loss,
         range,
         checksum: checksum(stored),
     }

@@ -15,7 +15,7 @@ mod reader;
 mod verify;
 mod writer;
 
-pub use encode::{Compression, Encoded, encode};
+pub use encode::{Compression, Encoded, encode, entry_of};
 pub use numbering::Numbering;
 pub use reader::Store;
 pub use verify::{Damage, Report, verify};

@@ -10,15 +10,19 @@ use crate::gpu::{
     Buffer, ComputePipeline, Gpu, Image, Recorder, RoleKind, Sampler, SamplerFilter,
     ShaderCompiler, Timestamps,
 };
+use crate::import::DenseVolume;
 use crate::passes::march_shape::FilterShape;
 use crate::passes::probe::{self, ProbeShape};
-use crate::render::{Layout, LayoutChoice, Plan, Renderer, SceneData, Settings, TexelLayout};
+use crate::render::{
+    Layout, LayoutChoice, Plan, Renderer, SceneData, Settings, TexelLayout, VolumeData,
+};
 use crate::scene::{Overrides, Scene};
 use crate::study::clock::{Clock, median};
 use crate::study::sampler_precision::{filled_image, filter_error, noise, sums_spec};
 use crate::twins::probe::Push;
 use crate::volume::{
-    ChannelVoxels, Size3, ValueRange, VolumeVoxels, VoxelFormat, Voxels, WorldFromVoxel,
+    BRICK_PAYLOAD_DEFAULT, ChannelVoxels, Size3, ValueRange, VolumeVoxels, VoxelFormat, Voxels,
+    WorldFromVoxel,
 };
 
 /// How much is measured.
@@ -242,6 +246,9 @@ impl Bench<'_> {
         let channel = ChannelVoxels { voxels: voxels.clone(), slope: 1.0, intercept: 0.0 };
         let size = Size3::cube(edge);
         let volume = VolumeVoxels { size, world_from_voxel: unit, channels: vec![channel] };
+        let dense = DenseVolume::new("noise", Arc::new(volume), Size3::cube(BRICK_PAYLOAD_DEFAULT));
+        let whole = dense.voxels().clone();
+        let volume = VolumeData::of_whole(Arc::new(dense), whole);
         let data = SceneData::new(scene, vec![volume])?;
         let settings = Settings { layout: LayoutChoice::Only(layout), ..Settings::default() };
         let plan = Plan::new(self.gpu, self.compiler, &data, &settings)?;

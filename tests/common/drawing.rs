@@ -4,11 +4,12 @@ use std::path::Path;
 use std::sync::Arc;
 
 use ashfall::gpu::{Gpu, Record, ShaderCompiler};
+use ashfall::import::DenseVolume;
 use ashfall::passes::SOURCES;
-use ashfall::render::{Picture, Plan, Renderer, SceneData, Settings, Statistics};
+use ashfall::render::{Picture, Plan, Renderer, SceneData, Settings, Statistics, VolumeData};
 use ashfall::scene::{Overrides, Scene, Source};
 use ashfall::source::computed;
-use ashfall::volume::WorldFromVoxel;
+use ashfall::volume::{BRICK_PAYLOAD_DEFAULT, Size3, VolumeVoxels, WorldFromVoxel};
 
 use super::device;
 
@@ -102,6 +103,13 @@ fov_degrees = 38.0
     scene_data(&text, overrides)
 }
 
+/// Voxels in memory as a scene takes them.
+pub fn dense(voxels: VolumeVoxels) -> VolumeData {
+    let dense = DenseVolume::new("test", Arc::new(voxels), Size3::cube(BRICK_PAYLOAD_DEFAULT));
+    let whole = dense.voxels().clone();
+    VolumeData::of_whole(Arc::new(dense), whole)
+}
+
 /// A scene given as text, all of whose volumes are computed.
 pub fn scene_data(text: &str, overrides: &Overrides) -> SceneData {
     let scene = Scene::from_toml(text, Path::new("test.toml"), overrides)
@@ -110,6 +118,7 @@ pub fn scene_data(text: &str, overrides: &Overrides) -> SceneData {
     let volumes = scene.volumes.iter().map(|volume| match &volume.source {
         Source::Computed { kind, size } => computed(kind, *size)
             .and_then(|field| field.whole(volume.world_from_voxel.unwrap_or(unit)))
+            .map(dense)
             .unwrap_or_else(|why| panic!("{why}")),
         Source::File { path, .. } => panic!("{} is a file", path.display()),
     });

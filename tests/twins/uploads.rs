@@ -14,6 +14,7 @@ use ashfall::volume::{ChannelVoxels, Size3, VolumeVoxels, Voxels, WorldFromVoxel
 use glam::DVec3;
 
 use crate::common::device::{Device, device};
+use crate::common::drawing::dense;
 use crate::texels::{Conversion, Raw};
 use crate::truth::Random;
 use crate::views::{Placed, unit_vector};
@@ -105,7 +106,7 @@ height = 1.0
         world_from_voxel: volume.world_from_voxel,
         channels: vec![ChannelVoxels { voxels: case.voxels.clone(), slope, intercept }],
     };
-    SceneData::new(scene, vec![voxels]).expect("drawable")
+    SceneData::new(scene, vec![dense(voxels)]).expect("drawable")
 }
 
 fn drawn(device: &Device, data: &SceneData, settings: Settings) -> (Picture, u64, Option<f64>) {
