@@ -7,6 +7,7 @@ pub mod cli;
 pub mod error;
 pub mod gpu;
 pub mod import;
+pub mod loading;
 pub mod passes;
 pub mod reference;
 pub mod render;

@@ -1,0 +1,93 @@
+//! What a loader does: one read or one survey, whatever the source does meanwhile.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use crate::error::{Error, Exit, Result};
+use crate::loading::Block;
+use crate::source::{BrickEntry, BrickSource, read_checked};
+use crate::volume::BrickId;
+
+/// The sources by volume.
+pub type Sources = Arc<[Arc<dyn BrickSource>]>;
+
+/// Work for a loader.
+#[derive(Clone, Copy, Debug)]
+pub enum Job {
+    /// Voxels of a brick.
+    Read(BrickId),
+    /// Entries of a block's bricks.
+    Survey(Block),
+}
+
+/// What became of a job.
+pub enum Arrival {
+    /// Of [`Job::Read`].
+    Read(BrickId, Result<Arc<[u8]>>),
+    /// Of [`Job::Survey`].
+    Survey(Block, Vec<(BrickId, Result<BrickEntry>)>),
+}
+
+impl Job {
+    /// Does it. `buffer` keeps its memory between reads, so that a brick is allocated once, at its
+    /// own size, which is what the cache counts.
+    pub fn run(self, sources: &[Arc<dyn BrickSource>], buffer: &mut Vec<u8>) -> Arrival {
+        match self {
+            Job::Read(id) => {
+                let read = guarded(id, || {
+                    let source = source_of(sources, id)?;
+                    read_checked(source, id, buffer)?;
+                    Ok(Arc::from(&buffer[..]))
+                });
+                if read.is_err() {
+                    // A source that came back long must not leave a long buffer behind.
+                    *buffer = Vec::new();
+                }
+                Arrival::Read(id, read)
+            }
+            Job::Survey(block) => Arrival::Survey(block, survey(sources, block)),
+        }
+    }
+}
+
+fn survey(sources: &[Arc<dyn BrickSource>], block: Block) -> Vec<(BrickId, Result<BrickEntry>)> {
+    let first = block.first();
+    let grid = guarded(first, || {
+        let description = source_of(sources, first)?.description();
+        let grid = description.grid(block.level).filter(|_| description.has(first));
+        grid.ok_or_else(|| {
+            Error::input(format!("volume \"{}\" has no {first} to survey", description.name))
+        })
+    });
+    match grid {
+        Ok(grid) => {
+            let entry = |id| guarded(id, || source_of(sources, id)?.entry(id));
+            block.bricks(grid).map(|id| (id, entry(id))).collect()
+        }
+        Err(why) => vec![(first, Err(why))],
+    }
+}
+
+fn source_of(sources: &[Arc<dyn BrickSource>], id: BrickId) -> Result<&dyn BrickSource> {
+    sources.get(usize::from(id.volume)).map(|source| &**source).ok_or_else(|| {
+        let (volume, count) = (id.volume, sources.len());
+        Error::input(format!("{id} is wished of volume {volume} where there are {count}"))
+    })
+}
+
+/// A panic of the source as an error: it costs a brick, not a loader.
+fn guarded<T>(id: BrickId, work: impl FnOnce() -> Result<T>) -> Result<T> {
+    // What the work leaves half done is its buffer, which the caller throws away.
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
+        let message = format!("{id}: its source panicked: {}", said(&*payload));
+        Err(Error { exit: Exit::Bug, message })
+    })
+}
+
+fn said(payload: &(dyn Any + Send)) -> &str {
+    match payload.downcast_ref::<String>() {
+        Some(text) => text,
+        None => payload.downcast_ref::<&str>().unwrap_or(&"without a word"),
+    }
+}

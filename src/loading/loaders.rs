@@ -1,0 +1,129 @@
+//! The loader threads and the two channels between them and the owner.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{Builder, JoinHandle};
+use std::time::{Duration, Instant};
+
+use crossbeam_channel::{Receiver, Sender, bounded};
+
+use crate::error::{Error, Result};
+use crate::loading::job::{Arrival, Job, Sources};
+
+/// Jobs under way per loader: one at work, one that waits for it, so that no loader waits for the
+/// owner; more would be out of reach of a better rank that comes later.
+pub const JOBS_PER_LOADER: usize = 2;
+
+/// How long dropping waits for loaders. One that is stuck in its source for longer is left behind: it
+/// ends when the source lets go of it.
+pub const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Threads named "loader 0", "loader 1" and so on.
+///
+/// The owner hands over at most [`Loaders::jobs_max`] jobs before it takes arrivals; both channels
+/// have that length, so loaders never block on a send either.
+pub struct Loaders {
+    /// Nothing once they are told to stop.
+    jobs: Option<Sender<Job>>,
+    arrivals: Receiver<Arrival>,
+    stop: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+    jobs_max: usize,
+}
+
+impl Loaders {
+    /// Starts `count` of them.
+    ///
+    /// # Errors
+    /// When the machine gives no thread.
+    pub fn start(sources: Sources, count: usize) -> Result<Loaders> {
+        let jobs_max = count * JOBS_PER_LOADER;
+        let (jobs, wanted) = bounded(jobs_max);
+        let (send, arrivals) = bounded(jobs_max);
+        let stop = Arc::new(AtomicBool::new(false));
+        let mut loaders =
+            Loaders { jobs: Some(jobs), arrivals, stop, threads: Vec::new(), jobs_max };
+        let started = (0..count).try_for_each(|number| {
+            let loader = Loader {
+                sources: Arc::clone(&sources),
+                jobs: wanted.clone(),
+                arrivals: send.clone(),
+                stop: Arc::clone(&loaders.stop),
+            };
+            let named = Builder::new().name(format!("loader {number}"));
+            loaders.threads.push(named.spawn(move || loader.run())?);
+            io::Result::Ok(())
+        });
+        // Only loaders may hold a sender: dropping waits until there is none.
+        drop(send);
+        started.map_err(|why| {
+            Error::machine(format!(
+                "loading: no thread for loader {} of {count}: {why}; use fewer loaders",
+                loaders.threads.len()
+            ))
+        })?;
+        Ok(loaders)
+    }
+
+    /// Jobs that may be under way.
+    pub fn jobs_max(&self) -> usize {
+        self.jobs_max
+    }
+
+    /// Gives a job away without waiting; false when there is no room for it.
+    pub fn hand(&self, job: Job) -> bool {
+        self.jobs.as_ref().is_some_and(|jobs| jobs.try_send(job).is_ok())
+    }
+
+    /// The next arrival, if one comes in time. One that is there comes even if the time has passed.
+    pub fn next(&self, until: Option<Instant>) -> Option<Arrival> {
+        match until {
+            Some(until) => self.arrivals.recv_deadline(until).ok(),
+            None => self.arrivals.recv().ok(),
+        }
+    }
+}
+
+impl Drop for Loaders {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        self.jobs = None;
+        let until = Instant::now() + PATIENCE;
+        // Each loader that ends drops its sender; after the last one the channel says so.
+        let all_ended = loop {
+            match self.arrivals.recv_deadline(until) {
+                Ok(_) => {}
+                Err(end) => break end.is_disconnected(),
+            }
+        };
+        for thread in self.threads.drain(..) {
+            if all_ended || thread.is_finished() {
+                // Sources' panics are caught, so there is nothing to hear here.
+                let _ = thread.join();
+            }
+        }
+    }
+}
+
+struct Loader {
+    sources: Sources,
+    jobs: Receiver<Job>,
+    arrivals: Sender<Arrival>,
+    stop: Arc<AtomicBool>,
+}
+
+impl Loader {
+    fn run(self) {
+        let mut buffer = Vec::new();
+        for job in &self.jobs {
+            // Jobs that were handed over before the stop are not worth a read.
+            if self.stop.load(Ordering::Relaxed) {
+                return;
+            }
+            if self.arrivals.send(job.run(&self.sources, &mut buffer)).is_err() {
+                return;
+            }
+        }
+    }
+}
