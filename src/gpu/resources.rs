@@ -198,16 +198,25 @@ impl Buffer {
     /// # Errors
     /// Exit code 4 when the device is lost.
     pub fn write(&self, offset: u64, data: &[u8]) -> Result<()> {
+        self.write_with(offset, data.len() as u64, |target| target.copy_from_slice(data))
+    }
+
+    /// Lets `fill` write `bytes` bytes at `offset` in place, once the GPU has ended its last use.
+    /// What it does not write keeps what it held. It must not read: the memory may be uncached.
+    ///
+    /// # Errors
+    /// Exit code 4 when the device is lost.
+    pub fn write_with(&self, offset: u64, bytes: u64, fill: impl FnOnce(&mut [u8])) -> Result<()> {
         self.gpu.wait_uses(self.life.uses())?;
         let mut allocation = self.allocation.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(mapped) = allocation.as_mut().and_then(Allocation::mapped_slice_mut) else {
             misuse(format_args!("buffer {} is not visible to the host", self.life.name))
         };
-        let start = offset as usize;
-        let Some(target) = mapped.get_mut(start..start + data.len()) else {
+        let range = offset as usize..offset.saturating_add(bytes) as usize;
+        let Some(target) = mapped.get_mut(range) else {
             misuse(format_args!("write past the end of buffer {}", self.life.name))
         };
-        target.copy_from_slice(data);
+        fill(target);
         Ok(())
     }
 

@@ -145,7 +145,7 @@ fn write_barriers(
     for (_, barrier) in barriers {
         let ((before_stage, before_access), (after_stage, after_access)) =
             (barrier.before, barrier.after);
-        match step.image_of(barrier.resource).filter(|_| barrier.discard) {
+        match step.fresh_image(barrier.resource).filter(|_| barrier.discard) {
             Some(image) => images.push(
                 vk::ImageMemoryBarrier2::builder()
                     .src_stage_mask(before_stage)
@@ -240,6 +240,18 @@ fn write_step(gpu: &Gpu, commands: vk::CommandBuffer, step: &Step) -> Result<()>
                     &regions,
                 );
             }
+        }
+        Work::CopyToBuffer { source, target, regions } => {
+            let regions: Vec<_> = regions
+                .iter()
+                .map(|region| vk::BufferCopy {
+                    src_offset: region.source_offset,
+                    dst_offset: region.target_offset,
+                    size: region.bytes,
+                })
+                .collect();
+            // SAFETY: the recorder checked that regions lie inside both buffers, which differ.
+            unsafe { device.cmd_copy_buffer(commands, source.handle, target.handle, &regions) };
         }
     }
     if let Some(debug_utils) = &gpu.instance.debug_utils {
