@@ -1,4 +1,4 @@
-//! Copies: many boxes in one step, batches through the staging halves, bytes between buffers.
+//! Copies and fills: many boxes in one step, batches through the staging halves, parts of buffers.
 
 mod common;
 
@@ -13,7 +13,7 @@ use common::device::{Device, device};
 const SIZE: [u32; 3] = [8, 4, 6];
 
 fn atlas(device: &Device) -> Image {
-    let spec = ImageSpec { name: "atlas", size: SIZE, format: ImageFormat::R8Unorm };
+    let spec = ImageSpec { name: "atlas", size: SIZE, format: ImageFormat::R8Unorm, stored: false };
     Image::new(&device.gpu, &spec).expect("an image")
 }
 
@@ -82,7 +82,8 @@ fn many_boxes_are_one_step_and_lie_where_they_should() {
 #[test]
 fn misplaced_regions_are_our_bug() {
     let Some(device) = device() else { return };
-    let spec = ImageSpec { name: "wide", size: SIZE, format: ImageFormat::Rgba16Unorm };
+    let spec =
+        ImageSpec { name: "wide", size: SIZE, format: ImageFormat::Rgba16Unorm, stored: false };
     let wide = Image::new(&device.gpu, &spec).expect("an image");
     let narrow = atlas(&device);
     let source = buffer(&device, "source", 256, MemoryHome::Upload);
@@ -190,4 +191,36 @@ fn a_full_half_says_so_and_many_halves_keep_their_order() {
     }
     assert!(!staging.stage_image(&[1], 0, [0; 3], [1; 3]).expect("asked"), "no byte is left");
     assert!(!staging.stage_buffer(&[0; 257], 0, 0).expect("asked"), "larger than any half");
+}
+
+#[test]
+fn buffers_are_filled_and_copied_in_parts() {
+    let Some(device) = device() else { return };
+    let first = buffer(&device, "first", 64, MemoryHome::Device);
+    let second = buffer(&device, "second", 64, MemoryHome::Readback);
+    let mut recorder = Recorder::new(&device.gpu, RoleKind::Render, None);
+    recorder.fill("clear", &first, 0, 64, 0x0101_0101);
+    recorder.fill("part", &first, 8, 4, 0x0403_0201);
+    recorder.fill("clear", &second, 0, 64, u32::MAX);
+    recorder.copy_buffer("copy", &first, 9, &second, 1, 5);
+    recorder.host_read(&second);
+    let submitted = recorder.submit(&[]).expect("submitted");
+    let mut wanted = [255; 64];
+    wanted[1..6].copy_from_slice(&[2, 3, 4, 1, 1]);
+    assert_eq!(device.values::<u8>(&second), wanted);
+    let steps = &submitted.record.steps;
+    assert_eq!(steps[1].kind, StepKind::Fill);
+    assert_eq!(steps[1].accesses, [("first", Access::CopyWrite)]);
+    assert_eq!(steps[1].regions, [("first", 8..12, Access::CopyWrite)]);
+    assert_eq!(steps[1].barriers.len(), 1, "fill after fill");
+    assert_eq!(steps[3].barriers.len(), 2, "both sides of the copy wait");
+    let refused = |offset, bytes| {
+        let filled = || {
+            let mut recorder = Recorder::new(&device.gpu, RoleKind::Render, None);
+            recorder.fill("clear", &first, offset, bytes, 0);
+        };
+        catch_unwind(AssertUnwindSafe(filled)).is_err()
+    };
+    assert!(!refused(60, 4));
+    assert!(refused(2, 4) && refused(4, 6) && refused(4, 0) && refused(64, 4));
 }

@@ -1,4 +1,4 @@
-//! Steps that copy: buffers into images and into buffers.
+//! Steps that copy, fill and prepare: buffers into images and buffers, numbers into buffers.
 
 use crate::gpu::access::Access;
 use crate::gpu::misuse::misuse;
@@ -132,6 +132,39 @@ impl<'r> Recorder<'r> {
             work: Work::CopyToBuffer { source, target, regions: regions.to_vec() },
             keeps: Vec::new(),
         });
+    }
+}
+
+impl<'r> Recorder<'r> {
+    /// Fills a part of a buffer with one number; offset and bytes are multiples of 4.
+    pub fn fill(
+        &mut self,
+        label: &'static str,
+        target: &'r Buffer,
+        offset: u64,
+        bytes: u64,
+        value: u32,
+    ) {
+        let range = range_of(target, offset, bytes);
+        if !offset.is_multiple_of(4) || !bytes.is_multiple_of(4) {
+            misuse(format_args!("{bytes} bytes at {offset} of {} are no numbers", target.name()));
+        }
+        self.steps.push(Step {
+            label,
+            work: Work::Fill { target, offset, bytes, value },
+            uses: vec![Use::parts(target, Access::CopyWrite, vec![range])],
+            keeps: Vec::new(),
+        });
+    }
+
+    /// Makes an image that nothing was written to ready to be bound; what it holds is undefined.
+    /// Records nothing for an image that was used before.
+    pub fn prepare(&mut self, image: &'r Image) {
+        let used = Use::image(image, Access::Prepare);
+        if used.fresh.is_some() {
+            let (label, work) = ("prepare", Work::Prepare);
+            self.steps.push(Step { label, work, uses: vec![used], keeps: Vec::new() });
+        }
     }
 }
 

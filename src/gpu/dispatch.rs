@@ -61,15 +61,33 @@ impl<'a, 'r> Dispatch<'a, 'r> {
         let descriptor = |(image, sampler): &(&Image, &Sampler)| Descriptor::Image {
             id: image.life.id,
             view: image.view,
-            sampler: sampler.handle,
+            sampler: Some(sampler.handle),
         };
         self.named.push((name.to_owned(), images.iter().map(descriptor).collect()));
         for (image, sampler) in images {
             if !image.touched.load(Ordering::Acquire) {
-                misuse(format_args!("image {} is sampled before anything was copied", name));
+                misuse(format_args!("image {name} is sampled before it was written or prepared"));
             }
             self.uses.push(Use::whole(&image.life, Access::ShaderSample));
             self.keeps.push(&sampler.life);
+        }
+        self
+    }
+
+    /// The shader stores texels of these images, an array of one or more, and reads none.
+    #[must_use]
+    pub fn store(mut self, name: &str, images: &[&'r Image]) -> Self {
+        let descriptor = |image: &&Image| Descriptor::Image {
+            id: image.life.id,
+            view: image.view,
+            sampler: None,
+        };
+        self.named.push((name.to_owned(), images.iter().map(descriptor).collect()));
+        for image in images {
+            if !image.spec().stored {
+                misuse(format_args!("image {name} is stored into, but was not made for it"));
+            }
+            self.uses.push(Use::image(image, Access::ShaderStore));
         }
         self
     }
@@ -113,9 +131,17 @@ impl<'a, 'r> Dispatch<'a, 'r> {
                 BindingKind::StorageBuffer { .. } | BindingKind::UniformBuffer => {
                     matches!(descriptors[..], [Descriptor::Buffer { .. }])
                 }
+                BindingKind::StorageImage { count } => {
+                    descriptors.len() == count as usize
+                        && descriptors
+                            .iter()
+                            .all(|d| matches!(d, Descriptor::Image { sampler: None, .. }))
+                }
                 BindingKind::SampledImage { count } => {
                     descriptors.len() == count as usize
-                        && descriptors.iter().all(|d| matches!(d, Descriptor::Image { .. }))
+                        && descriptors
+                            .iter()
+                            .all(|d| matches!(d, Descriptor::Image { sampler: Some(_), .. }))
                 }
             };
             if !fits {
@@ -142,7 +168,9 @@ impl<'a, 'r> Dispatch<'a, 'r> {
             let declared = match binding.kind {
                 BindingKind::StorageBuffer { reads, writes } => (reads, writes, false),
                 BindingKind::UniformBuffer => (true, false, true),
-                BindingKind::SampledImage { .. } => misuse(format_args!("{name} is an image")),
+                BindingKind::SampledImage { .. } | BindingKind::StorageImage { .. } => {
+                    misuse(format_args!("{name} is an image"))
+                }
             };
             let uniform = access == Access::UniformRead;
             let meant = (access != Access::ShaderWrite, access.writes(), uniform);

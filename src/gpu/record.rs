@@ -14,6 +14,10 @@ pub enum StepKind {
     CopyToImage,
     /// A copy from a buffer into a buffer.
     CopyToBuffer,
+    /// A part of a buffer is filled with one number.
+    Fill,
+    /// An image gets its layout.
+    Prepare,
     /// The host reads after the submit.
     HostRead,
 }

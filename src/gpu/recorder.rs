@@ -54,6 +54,14 @@ pub(crate) enum Work<'r> {
         target: &'r Buffer,
         regions: Vec<BufferRegion>,
     },
+    Fill {
+        target: &'r Buffer,
+        offset: u64,
+        bytes: u64,
+        value: u32,
+    },
+    /// Nothing but the barrier that sets an image's layout.
+    Prepare,
     HostRead,
 }
 
@@ -136,6 +144,8 @@ impl<'r> Recorder<'r> {
                 Work::Dispatch { groups, .. } => StepKind::Dispatch(groups),
                 Work::CopyToImage { .. } => StepKind::CopyToImage,
                 Work::CopyToBuffer { .. } => StepKind::CopyToBuffer,
+                Work::Fill { .. } => StepKind::Fill,
+                Work::Prepare => StepKind::Prepare,
                 Work::HostRead => StepKind::HostRead,
             },
             accesses: step.uses.iter().map(|used| (used.life.name, used.access)).collect(),

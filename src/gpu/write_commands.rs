@@ -50,7 +50,8 @@ pub(crate) fn submit(
     let mut labels = Vec::new();
     for (step, barriers) in steps.iter().zip(barriers) {
         write_barriers(gpu, commands, step, barriers);
-        let measured = timestamps.filter(|_| !matches!(step.work, Work::HostRead));
+        let idle = matches!(step.work, Work::HostRead | Work::Prepare);
+        let measured = timestamps.filter(|_| !idle);
         if let Some(timestamps) = measured {
             let query = 2 * labels.len() as u32;
             if query >= 2 * timestamps.steps_max {
@@ -179,7 +180,7 @@ fn write_barriers(
 
 fn write_step(gpu: &Gpu, commands: vk::CommandBuffer, step: &Step) -> Result<()> {
     let device = &gpu.device;
-    if matches!(step.work, Work::HostRead) {
+    if matches!(step.work, Work::HostRead | Work::Prepare) {
         return Ok(());
     }
     let label = c_string(step.label);
@@ -189,7 +190,7 @@ fn write_step(gpu: &Gpu, commands: vk::CommandBuffer, step: &Step) -> Result<()>
         unsafe { debug_utils.cmd_begin_debug_utils_label(commands, &info) };
     }
     match &step.work {
-        Work::HostRead => {}
+        Work::HostRead | Work::Prepare => {}
         Work::Dispatch { pipeline, bound, push, groups } => {
             let set = pipeline.set(bound)?;
             let compute = vk::PipelineBindPoint::COMPUTE;
@@ -252,6 +253,10 @@ fn write_step(gpu: &Gpu, commands: vk::CommandBuffer, step: &Step) -> Result<()>
                 .collect();
             // SAFETY: the recorder checked that regions lie inside both buffers, which differ.
             unsafe { device.cmd_copy_buffer(commands, source.handle, target.handle, &regions) };
+        }
+        Work::Fill { target, offset, bytes, value } => {
+            // SAFETY: the recorder checked that the bytes lie inside the buffer and are whole numbers.
+            unsafe { device.cmd_fill_buffer(commands, target.handle, *offset, *bytes, *value) };
         }
     }
     if let Some(debug_utils) = &gpu.instance.debug_utils {
