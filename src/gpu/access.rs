@@ -89,6 +89,18 @@ pub struct Barrier {
     pub discard: bool,
 }
 
+impl Barrier {
+    /// As the recorder makes it between two uses of a resource, for records made by hand.
+    pub fn between(before: Access, after: Access) -> Barrier {
+        Barrier {
+            resource: 0,
+            before: (before.stage(), before.mask() & WRITES),
+            after: (after.stage(), after.mask()),
+            discard: false,
+        }
+    }
+}
+
 /// Remembers the last uses of every resource on one role and says which barriers a use needs.
 ///
 /// Uses on another role are not seen here: they are ordered by time points, whose semaphores order

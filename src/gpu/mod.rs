@@ -40,7 +40,7 @@ pub use dispatch::Dispatch;
 pub use instance::{Instance, Message, Validation};
 pub use memory::{Ledger, LedgerEntry, MemoryHome};
 pub use pipeline::{ComputePipeline, ObjectsOfPipeline};
-pub use record::{Record, StepKind, StepRecord, Submitted};
+pub use record::{HostEvent, Record, SlotEvent, StepKind, StepRecord, Submitted};
 pub use recorder::Recorder;
 pub use reflection::{Binding, BindingKind, Member, Reflection};
 pub use resources::{Buffer, BufferSpec, Image, ImageFormat, ImageSpec, Sampler, SamplerFilter};

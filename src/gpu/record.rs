@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::gpu::access::{Access, Barrier};
-use crate::gpu::roles::TimePoint;
+use crate::gpu::roles::{RoleKind, TimePoint};
 
 /// What kind of step was recorded.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,6 +22,42 @@ pub enum StepKind {
     HostRead,
 }
 
+/// What a step does with a slot; to this room a slot is a number, whose owner adds the events.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum SlotEvent {
+    /// Unmapped, and promised for a copy.
+    Granted,
+    /// Written by a copy.
+    CopiedInto,
+    /// Written by a shader.
+    Placed,
+    /// Made visible to the rays of later steps.
+    Published,
+    /// Rays of this step may read it.
+    MayRead,
+}
+
+/// What the host did with buffers that the device uses, in its own order.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum HostEvent {
+    /// It waited until the time point was reached.
+    Waited(TimePoint),
+    /// It wrote bytes of a buffer, such as a staging half.
+    Wrote {
+        /// The buffer's name.
+        buffer: &'static str,
+        /// Which bytes.
+        range: Range<u64>,
+    },
+    /// It read bytes of a buffer.
+    Read {
+        /// The buffer's name.
+        buffer: &'static str,
+        /// Which bytes.
+        range: Range<u64>,
+    },
+}
+
 /// One recorded step, as tests and traces see it.
 #[derive(Clone, Debug)]
 pub struct StepRecord {
@@ -35,13 +71,35 @@ pub struct StepRecord {
     pub regions: Vec<(&'static str, Range<u64>, Access)>,
     /// Barriers before the step, with the resource's name.
     pub barriers: Vec<(&'static str, Barrier)>,
+    /// What it does with slots; empty unless their owner says it.
+    pub slots: Vec<(SlotEvent, u32)>,
+    /// Names of resources of which it touches nothing but the slots in `slots`; empty unless their
+    /// owner says it.
+    pub by_slot: Vec<&'static str>,
 }
 
 /// All steps of one submit, in order.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Record {
+    /// Whose queue.
+    pub role: RoleKind,
+    /// Reached when the device has finished it; of value 0 where nothing was submitted.
+    pub point: TimePoint,
+    /// Reached before it begins.
+    pub waits: Vec<TimePoint>,
+    /// What the host did since the submit before, as far as it says so.
+    pub host: Vec<HostEvent>,
     /// In order of execution.
     pub steps: Vec<StepRecord>,
+}
+
+impl Record {
+    /// What the host did without a submit after it.
+    pub fn of_host(host: Vec<HostEvent>) -> Record {
+        let role = RoleKind::Transfer;
+        let point = TimePoint { role, value: 0 };
+        Record { role, point, waits: Vec::new(), host, steps: Vec::new() }
+    }
 }
 
 /// A submit that was handed to the device.

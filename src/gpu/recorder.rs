@@ -151,9 +151,18 @@ impl<'r> Recorder<'r> {
             accesses: step.uses.iter().map(|used| (used.life.name, used.access)).collect(),
             regions: step.uses.iter().flat_map(Use::regions).collect(),
             barriers,
+            slots: Vec::new(),
+            by_slot: Vec::new(),
         });
+        let record = Record {
+            role: self.role,
+            point,
+            waits: waits.to_vec(),
+            host: Vec::new(),
+            steps: steps.collect(),
+        };
         self.gpu.collect_retired();
-        Ok(Submitted { point, record: Record { steps: steps.collect() } })
+        Ok(Submitted { point, record })
     }
 }
 

@@ -7,7 +7,7 @@ use crate::gpu::copies::{BufferRegion, ImageRegion};
 use crate::gpu::device::Gpu;
 use crate::gpu::memory::MemoryHome;
 use crate::gpu::misuse::misuse;
-use crate::gpu::record::Submitted;
+use crate::gpu::record::{HostEvent, Submitted};
 use crate::gpu::recorder::Recorder;
 use crate::gpu::resources::{Buffer, BufferSpec, Image};
 use crate::gpu::roles::{RoleKind, TimePoint};
@@ -23,6 +23,8 @@ pub struct Staging {
     current: usize,
     copy_ms: f64,
     last: Option<TimePoint>,
+    /// What the host did since the last flush.
+    host: Vec<HostEvent>,
 }
 
 /// One upload buffer, and what is staged in it.
@@ -107,6 +109,7 @@ impl Staging {
             current: 0,
             copy_ms: 0.0,
             last: None,
+            host: Vec::new(),
         })
     }
 
@@ -186,9 +189,14 @@ impl Staging {
         let room = !new_target || half.targets.len() < STEPS_MAX;
         let Some(end) = end.filter(|_| room) else { return Ok(false) };
         if half.staged.is_empty() {
+            if let Some(point) = half.read_until {
+                self.gpu.wait(point)?;
+                self.host.push(HostEvent::Waited(point));
+            }
             self.copy_ms += half.measure()?;
         }
         half.buffer.write_with(half.free, bytes, fill)?;
+        self.host.push(HostEvent::Wrote { buffer: half.buffer.name(), range: half.free..end });
         if new_target {
             half.targets.push(place.target());
         }
@@ -232,12 +240,18 @@ impl Staging {
                 missing => misuse(format_args!("{missing:?} is staged, but not given to flush")),
             }
         }
-        let submitted = recorder.submit(waits)?;
+        let mut submitted = recorder.submit(waits)?;
+        submitted.record.host = std::mem::take(&mut self.host);
         half.unmeasured = true;
         half.read_until = Some(submitted.point);
         self.last = Some(submitted.point);
         self.current = 1 - self.current;
         Ok(Some(submitted))
+    }
+
+    /// What the host did with the halves since the last flush, whose record holds what was before.
+    pub fn take_host_events(&mut self) -> Vec<HostEvent> {
+        std::mem::take(&mut self.host)
     }
 
     /// Waits for every copy and returns the milliseconds they took on the device, as far as its
@@ -248,6 +262,7 @@ impl Staging {
     pub fn finish(&mut self) -> Result<f64> {
         if let Some(last) = self.last {
             self.gpu.wait(last)?;
+            self.host.push(HostEvent::Waited(last));
         }
         for half in &mut self.halves {
             self.copy_ms += half.measure()?;
