@@ -471,7 +471,9 @@ fn header(text: &str) -> Header {
 fn access(kind: &BindingKind) -> &'static str {
     match kind {
         BindingKind::StorageBuffer { reads: true, writes: true } => "updates",
-        BindingKind::StorageBuffer { writes: true, .. } => "writes",
+        BindingKind::StorageBuffer { writes: true, .. } | BindingKind::StorageImage { .. } => {
+            "writes"
+        }
         BindingKind::StorageBuffer { .. }
         | BindingKind::UniformBuffer
         | BindingKind::SampledImage { .. } => "reads",
@@ -570,7 +572,11 @@ fn host_structs_lie_as_in_the_shaders() {
             let push = if bricks { push("rays for bricks") } else { push(name) };
             assert_eq!(push_differs(&push, &shader.reflection), [""; 0], "{name}");
             for binding in &shader.reflection.bindings {
-                if matches!(binding.kind, BindingKind::SampledImage { .. }) {
+                let image = matches!(
+                    binding.kind,
+                    BindingKind::SampledImage { .. } | BindingKind::StorageImage { .. }
+                );
+                if image {
                     continue;
                 }
                 if let Some(host) = elements(&binding.name) {
@@ -702,7 +708,9 @@ fn what_a_scene_lacks_is_not_in_the_shader() {
             .iter()
             .filter_map(|binding| match binding.kind {
                 BindingKind::SampledImage { count } => Some((&binding.name[..], count)),
-                BindingKind::StorageBuffer { .. } | BindingKind::UniformBuffer => None,
+                BindingKind::StorageBuffer { .. }
+                | BindingKind::StorageImage { .. }
+                | BindingKind::UniformBuffer => None,
             })
             .collect();
         match shape.images() {

@@ -17,6 +17,10 @@ pub enum Access {
     ShaderUpdate,
     /// Sampled or fetched in a compute shader.
     ShaderSample,
+    /// Image texels stored in a compute shader; other texels keep what they hold.
+    ShaderStore,
+    /// The image gets its layout; what it holds is undefined.
+    Prepare,
     /// Source of a copy.
     CopyRead,
     /// Destination of a copy or fill.
@@ -28,7 +32,14 @@ pub enum Access {
 impl Access {
     /// Whether it changes the resource.
     pub const fn writes(self) -> bool {
-        matches!(self, Access::ShaderWrite | Access::ShaderUpdate | Access::CopyWrite)
+        matches!(
+            self,
+            Access::ShaderWrite
+                | Access::ShaderUpdate
+                | Access::ShaderStore
+                | Access::Prepare
+                | Access::CopyWrite
+        )
     }
 
     pub(crate) const fn stage(self) -> vk::PipelineStageFlags2 {
@@ -37,8 +48,12 @@ impl Access {
             | Access::UniformRead
             | Access::ShaderWrite
             | Access::ShaderUpdate
-            | Access::ShaderSample => vk::PipelineStageFlags2::COMPUTE_SHADER,
-            Access::CopyRead | Access::CopyWrite => vk::PipelineStageFlags2::ALL_TRANSFER,
+            | Access::ShaderSample
+            | Access::ShaderStore => vk::PipelineStageFlags2::COMPUTE_SHADER,
+            // A layout is set by a barrier, for which any stage of the role's queue may stand.
+            Access::CopyRead | Access::CopyWrite | Access::Prepare => {
+                vk::PipelineStageFlags2::ALL_TRANSFER
+            }
             Access::HostRead => vk::PipelineStageFlags2::HOST,
         }
     }
@@ -47,13 +62,13 @@ impl Access {
         match self {
             Access::ShaderRead => vk::AccessFlags2::SHADER_STORAGE_READ,
             Access::UniformRead => vk::AccessFlags2::UNIFORM_READ,
-            Access::ShaderWrite => vk::AccessFlags2::SHADER_STORAGE_WRITE,
+            Access::ShaderWrite | Access::ShaderStore => vk::AccessFlags2::SHADER_STORAGE_WRITE,
             Access::ShaderUpdate => {
                 vk::AccessFlags2::SHADER_STORAGE_READ | vk::AccessFlags2::SHADER_STORAGE_WRITE
             }
             Access::ShaderSample => vk::AccessFlags2::SHADER_SAMPLED_READ,
             Access::CopyRead => vk::AccessFlags2::TRANSFER_READ,
-            Access::CopyWrite => vk::AccessFlags2::TRANSFER_WRITE,
+            Access::CopyWrite | Access::Prepare => vk::AccessFlags2::TRANSFER_WRITE,
             Access::HostRead => vk::AccessFlags2::HOST_READ,
         }
     }
@@ -72,6 +87,18 @@ pub struct Barrier {
     pub after: (vk::PipelineStageFlags2, vk::AccessFlags2),
     /// The image's first use: its contents are undefined and its layout is set.
     pub discard: bool,
+}
+
+impl Barrier {
+    /// As the recorder makes it between two uses of a resource, for records made by hand.
+    pub fn between(before: Access, after: Access) -> Barrier {
+        Barrier {
+            resource: 0,
+            before: (before.stage(), before.mask() & WRITES),
+            after: (after.stage(), after.mask()),
+            discard: false,
+        }
+    }
 }
 
 /// Remembers the last uses of every resource on one role and says which barriers a use needs.

@@ -14,6 +14,8 @@ use crate::gpu::instance::{Instance, Message, c_string, name_of, vulkan_failed};
 use crate::gpu::memory::{Ledger, MemoryHome};
 use crate::gpu::misuse::misuse;
 use crate::gpu::resources::ImageFormat;
+#[cfg(doc)]
+use crate::gpu::resources::ImageSpec;
 use crate::gpu::retirement::{Orphan, Retired, Uses};
 use crate::gpu::roles::{Role, RoleKind, TimePoint};
 
@@ -82,6 +84,8 @@ pub struct Gpu {
     pub census: Census,
     /// Bytes of device memory by purpose.
     pub ledger: Ledger,
+    /// Whether shaders may store into formats beyond Vulkan's first list.
+    stores_extended: bool,
     queues: [(u32, u32); RoleKind::COUNT],
     roles: [OnceLock<Role>; RoleKind::COUNT],
     /// Taken while a queue is submitted to: two roles may share one.
@@ -120,7 +124,9 @@ impl Gpu {
                 facts.name
             ))
         })?;
-        let device = open_device(instance, physical, &queues)?;
+        let features = Features::used(instance, physical);
+        let stores_extended = features.core.shader_storage_image_extended_formats == vk::TRUE;
+        let device = open_device(instance, physical, &queues, features)?;
         let allocator =
             gpu_allocator::vulkan::Allocator::new(&gpu_allocator::vulkan::AllocatorCreateDesc {
                 instance: instance.raw.clone(),
@@ -140,6 +146,7 @@ impl Gpu {
             device,
             physical,
             facts,
+            stores_extended,
             census: Census::default(),
             ledger: Ledger::default(),
             queues,
@@ -163,11 +170,21 @@ impl Gpu {
         if linear {
             needed |= vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR;
         }
+        self.format_features(format).contains(needed)
+    }
+
+    /// Whether compute shaders can store into images of this format (see [`ImageSpec::stored`]).
+    pub fn stores(&self, format: ImageFormat) -> bool {
+        (self.stores_extended || !format.is_extended())
+            && self.format_features(format).contains(vk::FormatFeatureFlags::STORAGE_IMAGE)
+    }
+
+    fn format_features(&self, format: ImageFormat) -> vk::FormatFeatureFlags {
         // SAFETY: the handle was enumerated from this living instance.
         let properties = unsafe {
             self.instance.raw.get_physical_device_format_properties(self.physical, format.vulkan())
         };
-        properties.optimal_tiling_features.contains(needed)
+        properties.optimal_tiling_features
     }
 
     /// What validation has said so far.
@@ -493,6 +510,7 @@ fn open_device(
     instance: &Instance,
     physical: vk::PhysicalDevice,
     queues: &[(u32, u32); RoleKind::COUNT],
+    mut features: Features,
 ) -> Result<ash::Device> {
     let priorities = [1.0, 1.0];
     let mut infos = Vec::new();
@@ -513,7 +531,6 @@ fn open_device(
                 .build(),
         );
     }
-    let mut features = Features::used();
     let info = vk::DeviceCreateInfo::builder()
         .queue_create_infos(&infos)
         .enabled_features(&features.core)

@@ -12,10 +12,16 @@ pub(crate) struct Features {
 }
 
 impl Features {
-    /// Exactly what this program uses and nothing more.
-    pub fn used() -> Features {
+    /// Exactly what this program uses and nothing more; what it can do without, where it is there.
+    pub fn used(instance: &Instance, device: vk::PhysicalDevice) -> Features {
+        // SAFETY: the handle was enumerated from this living instance.
+        let has = unsafe { instance.raw.get_physical_device_features(device) };
         Features {
-            core: vk::PhysicalDeviceFeatures { shader_float64: vk::TRUE, ..Default::default() },
+            core: vk::PhysicalDeviceFeatures {
+                shader_float64: vk::TRUE,
+                shader_storage_image_extended_formats: has.shader_storage_image_extended_formats,
+                ..Default::default()
+            },
             vulkan12: vk::PhysicalDeviceVulkan12Features {
                 timeline_semaphore: vk::TRUE,
                 ..Default::default()

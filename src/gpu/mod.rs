@@ -13,12 +13,15 @@
 
 mod access;
 mod census;
+mod copies;
 mod device;
+mod dispatch;
 mod features;
 mod instance;
 mod memory;
 mod misuse;
 mod pipeline;
+mod record;
 mod recorder;
 mod reflection;
 mod resources;
@@ -31,15 +34,18 @@ mod write_commands;
 
 pub use access::{Access, Barrier, Tracker};
 pub use census::{Census, ObjectKind};
+pub use copies::{BufferRegion, ImageRegion};
 pub use device::{DeviceFacts, DeviceRequest, Gpu, QueueFacts};
+pub use dispatch::Dispatch;
 pub use instance::{Instance, Message, Validation};
 pub use memory::{Ledger, LedgerEntry, MemoryHome};
 pub use pipeline::{ComputePipeline, ObjectsOfPipeline};
-pub use recorder::{Dispatch, Record, Recorder, StepKind, StepRecord, Submitted};
+pub use record::{HostEvent, Record, SlotEvent, StepKind, StepRecord, Submitted};
+pub use recorder::Recorder;
 pub use reflection::{Binding, BindingKind, Member, Reflection};
 pub use resources::{Buffer, BufferSpec, Image, ImageFormat, ImageSpec, Sampler, SamplerFilter};
 pub use roles::{RoleKind, TimePoint};
 pub use shader::{Shader, ShaderCompiler, ShaderSources, Variant};
-pub use staging::Staging;
+pub use staging::{Place, Staging};
 pub use timestamps::Timestamps;
 pub use write_commands::IN_FLIGHT_MAX;

@@ -55,8 +55,16 @@ struct KnownSet {
 /// What a descriptor points to.
 #[derive(Clone, Copy)]
 pub(crate) enum Descriptor {
-    Buffer { id: ResourceId, handle: vk::Buffer },
-    Image { id: ResourceId, view: vk::ImageView, sampler: vk::Sampler },
+    Buffer {
+        id: ResourceId,
+        handle: vk::Buffer,
+    },
+    /// Without a sampler: stored into.
+    Image {
+        id: ResourceId,
+        view: vk::ImageView,
+        sampler: Option<vk::Sampler>,
+    },
 }
 
 impl ComputePipeline {
@@ -187,6 +195,7 @@ impl ComputePipeline {
             vk::DescriptorType::STORAGE_BUFFER,
             vk::DescriptorType::UNIFORM_BUFFER,
             vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
+            vk::DescriptorType::STORAGE_IMAGE,
         ]
         .into_iter()
         .map(|ty| vk::DescriptorPoolSize { ty, descriptor_count: count(ty) })
@@ -216,7 +225,7 @@ impl ComputePipeline {
                     }),
                     Descriptor::Image { view, sampler, .. } => {
                         images.push(vk::DescriptorImageInfo {
-                            sampler,
+                            sampler: sampler.unwrap_or_default(),
                             image_view: view,
                             image_layout: vk::ImageLayout::GENERAL,
                         });
@@ -261,6 +270,7 @@ fn descriptor_type(kind: BindingKind) -> (vk::DescriptorType, u32) {
     match kind {
         BindingKind::StorageBuffer { .. } => (vk::DescriptorType::STORAGE_BUFFER, 1),
         BindingKind::UniformBuffer => (vk::DescriptorType::UNIFORM_BUFFER, 1),
+        BindingKind::StorageImage { count } => (vk::DescriptorType::STORAGE_IMAGE, count),
         BindingKind::SampledImage { count } => (vk::DescriptorType::COMBINED_IMAGE_SAMPLER, count),
     }
 }

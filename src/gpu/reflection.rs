@@ -31,6 +31,11 @@ pub enum BindingKind {
     },
     /// A uniform buffer: read alike by every thread.
     UniformBuffer,
+    /// Images whose texels the shader stores and does not read.
+    StorageImage {
+        /// Elements of the array; 1 for a single image.
+        count: u32,
+    },
     /// Images with their samplers.
     SampledImage {
         /// Elements of the array; 1 for a single image.
@@ -125,6 +130,12 @@ fn binding_of(
         }
         (DescriptorType::CombinedImageSampler(), _) => {
             (name, BindingKind::SampledImage { count: count.max(1) })
+        }
+        (DescriptorType::StorageImage(AccessType::WriteOnly), _) => {
+            (name, BindingKind::StorageImage { count: count.max(1) })
+        }
+        (DescriptorType::StorageImage(_), _) => {
+            return Err(format!("storage image {number} is not declared writeonly"));
         }
         (other, _) => return Err(format!("binding {number} is a {other:?}, which no pass uses")),
     };

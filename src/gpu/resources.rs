@@ -63,6 +63,23 @@ impl ImageFormat {
         }
     }
 
+    /// Whether shaders declare it by a capability of its own when they store into it.
+    pub(crate) const fn is_extended(self) -> bool {
+        matches!(self, ImageFormat::R8Unorm | ImageFormat::R16Unorm | ImageFormat::Rgba16Unorm)
+    }
+
+    /// The word for it in a GLSL layout, as in `layout(r8) writeonly uniform image3D`.
+    pub const fn glsl(self) -> &'static str {
+        match self {
+            ImageFormat::R8Unorm => "r8",
+            ImageFormat::R16Unorm => "r16",
+            ImageFormat::R32Sfloat => "r32f",
+            ImageFormat::Rgba8Unorm => "rgba8",
+            ImageFormat::Rgba16Unorm => "rgba16",
+            ImageFormat::Rgba32Sfloat => "rgba32f",
+        }
+    }
+
     pub(crate) const fn vulkan(self) -> vk::Format {
         match self {
             ImageFormat::R8Unorm => vk::Format::R8_UNORM,
@@ -75,7 +92,7 @@ impl ImageFormat {
     }
 }
 
-/// A 3D image to be made: sampled by shaders, filled by copies.
+/// A 3D image to be made: sampled by shaders, filled by copies, or by shaders where `stored`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageSpec {
     /// The field's name; also its purpose in the ledger.
@@ -84,6 +101,8 @@ pub struct ImageSpec {
     pub size: [u32; 3],
     /// Texel format.
     pub format: ImageFormat,
+    /// Whether shaders store into it; the device must (see [`Gpu::stores`]).
+    pub stored: bool,
 }
 
 /// What buffers and images have in common: identity, name, and their last use on each role.
@@ -198,16 +217,25 @@ impl Buffer {
     /// # Errors
     /// Exit code 4 when the device is lost.
     pub fn write(&self, offset: u64, data: &[u8]) -> Result<()> {
+        self.write_with(offset, data.len() as u64, |target| target.copy_from_slice(data))
+    }
+
+    /// Lets `fill` write `bytes` bytes at `offset` in place, once the GPU has ended its last use.
+    /// What it does not write keeps what it held. It must not read: the memory may be uncached.
+    ///
+    /// # Errors
+    /// Exit code 4 when the device is lost.
+    pub fn write_with(&self, offset: u64, bytes: u64, fill: impl FnOnce(&mut [u8])) -> Result<()> {
         self.gpu.wait_uses(self.life.uses())?;
         let mut allocation = self.allocation.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(mapped) = allocation.as_mut().and_then(Allocation::mapped_slice_mut) else {
             misuse(format_args!("buffer {} is not visible to the host", self.life.name))
         };
-        let start = offset as usize;
-        let Some(target) = mapped.get_mut(start..start + data.len()) else {
+        let range = offset as usize..offset.saturating_add(bytes) as usize;
+        let Some(target) = mapped.get_mut(range) else {
             misuse(format_args!("write past the end of buffer {}", self.life.name))
         };
-        target.copy_from_slice(data);
+        fill(target);
         Ok(())
     }
 
@@ -257,6 +285,10 @@ pub struct Image {
 impl Image {
     fn info<'a>(spec: &ImageSpec, families: &'a [u32]) -> vk::ImageCreateInfoBuilder<'a> {
         let [width, height, depth] = spec.size;
+        let stored = match spec.stored {
+            true => vk::ImageUsageFlags::STORAGE,
+            false => vk::ImageUsageFlags::empty(),
+        };
         let info = vk::ImageCreateInfo::builder()
             .image_type(vk::ImageType::TYPE_3D)
             .format(spec.format.vulkan())
@@ -265,7 +297,7 @@ impl Image {
             .array_layers(1)
             .samples(vk::SampleCountFlags::TYPE_1)
             .tiling(vk::ImageTiling::OPTIMAL)
-            .usage(vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST);
+            .usage(vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST | stored);
         if families.len() > 1 {
             info.sharing_mode(vk::SharingMode::CONCURRENT).queue_family_indices(families)
         } else {
@@ -284,16 +316,24 @@ impl Image {
         requirements.memory_requirements.size
     }
 
-    /// Makes an image; its contents are undefined until copied into.
+    /// Makes an image; its contents are undefined until copied or stored into.
     ///
     /// # Errors
-    /// Exit code 4 when an edge is beyond the device's limit or its memory is full.
+    /// Exit code 4 when an edge is beyond the device's limit, its memory is full, or shaders are to
+    /// store into a format that it does not let them.
     pub fn new(gpu: &Arc<Gpu>, spec: &ImageSpec) -> Result<Image> {
         let edge_max = gpu.facts().image_3d_edge_max;
         if spec.size.iter().any(|edge| !(1..=edge_max).contains(edge)) {
             return Err(Error::machine(format!(
                 "{} needs an image of {:?} texels, but this device's 3D images have at most {edge_max} along an axis",
                 spec.name, spec.size
+            )));
+        }
+        if spec.stored && !gpu.stores(spec.format) {
+            return Err(Error::machine(format!(
+                "{} needs shaders that store into images of format {}, which this device does not: choose another with --device",
+                spec.name,
+                spec.format.name()
             )));
         }
         let families = gpu.families();

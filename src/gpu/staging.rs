@@ -3,24 +3,81 @@
 use std::sync::Arc;
 
 use crate::error::Result;
+use crate::gpu::copies::{BufferRegion, ImageRegion};
 use crate::gpu::device::Gpu;
 use crate::gpu::memory::MemoryHome;
 use crate::gpu::misuse::misuse;
+use crate::gpu::record::{HostEvent, Submitted};
 use crate::gpu::recorder::Recorder;
 use crate::gpu::resources::{Buffer, BufferSpec, Image};
 use crate::gpu::roles::{RoleKind, TimePoint};
 use crate::gpu::timestamps::Timestamps;
 
 /// Two host-visible upload buffers, swapped after each submit.
+///
+/// Stage any number of copies, each to a target named by its index, then [`Staging::flush`] with the
+/// targets: no target is borrowed before that.
 pub struct Staging {
     gpu: Arc<Gpu>,
-    halves: [Buffer; 2],
+    halves: [Half; 2],
     current: usize,
-    timestamps: [Option<Timestamps>; 2],
     copy_ms: f64,
-    unmeasured: [bool; 2],
     last: Option<TimePoint>,
+    /// What the host did since the last flush.
+    host: Vec<HostEvent>,
 }
+
+/// One upload buffer, and what is staged in it.
+struct Half {
+    buffer: Buffer,
+    timestamps: Option<Timestamps>,
+    unmeasured: bool,
+    /// The copies that last read it.
+    read_until: Option<TimePoint>,
+    staged: Vec<Staged>,
+    /// Of what is staged, each once.
+    targets: Vec<Target>,
+    /// First byte that nothing is staged in.
+    free: u64,
+}
+
+struct Staged {
+    place: Place,
+    source_offset: u64,
+    bytes: u64,
+}
+
+/// Where staged bytes go; targets are indices into the slices given to [`Staging::flush`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// A box of an image; the bytes are its texels, tightly packed.
+    Image {
+        /// Index of the image.
+        image: usize,
+        /// First texel of the box.
+        start: [u32; 3],
+        /// Texels along x, y, z.
+        size: [u32; 3],
+    },
+    /// Bytes of a buffer.
+    Buffer {
+        /// Index of the buffer.
+        buffer: usize,
+        /// First byte.
+        offset: u64,
+    },
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Target {
+    Image(usize),
+    Buffer(usize),
+}
+
+/// Targets of one flush: each is one copy step, for which there must be timestamps.
+const STEPS_MAX: usize = 64;
+/// Staged bytes begin at multiples of the largest texel.
+const ALIGNMENT_BYTES: u64 = 16;
 
 impl Staging {
     /// The two buffers that staging of `half_bytes` each consists of.
@@ -35,23 +92,30 @@ impl Staging {
     /// Exit code 4 when memory is full.
     pub fn new(gpu: &Arc<Gpu>, half_bytes: u64) -> Result<Staging> {
         let [first, second] = Staging::specs(half_bytes);
+        let half = |spec| {
+            Ok(Half {
+                buffer: Buffer::new(gpu, spec)?,
+                timestamps: Timestamps::new(gpu, RoleKind::Transfer, STEPS_MAX as u32)?,
+                unmeasured: false,
+                read_until: None,
+                staged: Vec::new(),
+                targets: Vec::new(),
+                free: 0,
+            })
+        };
         Ok(Staging {
             gpu: gpu.clone(),
-            halves: [Buffer::new(gpu, &first)?, Buffer::new(gpu, &second)?],
+            halves: [half(&first)?, half(&second)?],
             current: 0,
-            timestamps: [
-                Timestamps::new(gpu, RoleKind::Transfer, 1)?,
-                Timestamps::new(gpu, RoleKind::Transfer, 1)?,
-            ],
             copy_ms: 0.0,
-            unmeasured: [false; 2],
             last: None,
+            host: Vec::new(),
         })
     }
 
     /// Bytes of one half.
     pub fn half_bytes(&self) -> u64 {
-        self.halves[0].bytes()
+        self.halves[0].buffer.bytes()
     }
 
     /// Copies tightly packed texels into a box of an image, on the transfer role. Returns at once;
@@ -67,22 +131,127 @@ impl Staging {
         start: [u32; 3],
         size: [u32; 3],
     ) -> Result<TimePoint> {
-        if texels.len() as u64 > self.half_bytes() {
+        if !self.halves[self.current].staged.is_empty() {
+            misuse("a single copy while others are staged");
+        }
+        if !self.stage_image(texels, 0, start, size)? {
             misuse("a copy larger than a staging half");
         }
-        let current = self.current;
-        self.measure(current)?;
-        let half = &self.halves[current];
-        // Waits for the copy that read this half two submits ago.
-        half.write(0, texels)?;
-        let timestamps = self.timestamps[current].as_ref();
-        let mut recorder = Recorder::new(&self.gpu, RoleKind::Transfer, timestamps);
-        recorder.copy_to_image(label, half, 0, target, start, size);
-        let submitted = recorder.submit(&[])?;
-        self.unmeasured[current] = true;
+        match self.flush(label, &[target], &[], &[])? {
+            Some(submitted) => Ok(submitted.point),
+            None => misuse("a copy of nothing"),
+        }
+    }
+
+    /// Puts texels for a box of image number `image` into the half being filled; false when it has
+    /// no room left: flush first. Waits only for the copies that last read that half.
+    ///
+    /// # Errors
+    /// Exit code 4 when the device is lost.
+    pub fn stage_image(
+        &mut self,
+        texels: &[u8],
+        image: usize,
+        start: [u32; 3],
+        size: [u32; 3],
+    ) -> Result<bool> {
+        let bytes = texels.len() as u64;
+        let place = Place::Image { image, start, size };
+        self.stage_with(place, bytes, |target| target.copy_from_slice(texels))
+    }
+
+    /// As [`Staging::stage_image`], for bytes from `offset` on of buffer number `buffer`.
+    ///
+    /// # Errors
+    /// Exit code 4 when the device is lost.
+    pub fn stage_buffer(&mut self, data: &[u8], buffer: usize, offset: u64) -> Result<bool> {
+        let place = Place::Buffer { buffer, offset };
+        self.stage_with(place, data.len() as u64, |target| target.copy_from_slice(data))
+    }
+
+    /// Lets `fill` write what goes to `place` straight into mapped memory, `bytes` long, which it must
+    /// write all of and not read. False when the half has no room left: flush first.
+    ///
+    /// # Errors
+    /// Exit code 4 when the device is lost.
+    pub fn stage_with(
+        &mut self,
+        place: Place,
+        bytes: u64,
+        fill: impl FnOnce(&mut [u8]),
+    ) -> Result<bool> {
+        if bytes == 0 {
+            misuse("nothing is staged");
+        }
+        let half = &mut self.halves[self.current];
+        let end = half.free.checked_add(bytes).filter(|end| *end <= half.buffer.bytes());
+        let new_target = !half.targets.contains(&place.target());
+        let room = !new_target || half.targets.len() < STEPS_MAX;
+        let Some(end) = end.filter(|_| room) else { return Ok(false) };
+        if half.staged.is_empty() {
+            if let Some(point) = half.read_until {
+                self.gpu.wait(point)?;
+                self.host.push(HostEvent::Waited(point));
+            }
+            self.copy_ms += half.measure()?;
+        }
+        half.buffer.write_with(half.free, bytes, fill)?;
+        self.host.push(HostEvent::Wrote { buffer: half.buffer.name(), range: half.free..end });
+        if new_target {
+            half.targets.push(place.target());
+        }
+        half.staged.push(Staged { place, source_offset: half.free, bytes });
+        half.free = end.next_multiple_of(ALIGNMENT_BYTES);
+        Ok(true)
+    }
+
+    /// Submits all staged copies on the transfer role, which begins with them once `waits` are
+    /// reached, and swaps halves; nothing when nothing was staged.
+    ///
+    /// # Errors
+    /// Exit code 4 when the device is lost.
+    pub fn flush(
+        &mut self,
+        label: &'static str,
+        images: &[&Image],
+        buffers: &[&Buffer],
+        waits: &[TimePoint],
+    ) -> Result<Option<Submitted>> {
+        let half = &mut self.halves[self.current];
+        if half.staged.is_empty() {
+            return Ok(None);
+        }
+        let staged = std::mem::take(&mut half.staged);
+        half.free = 0;
+        let mut recorder = Recorder::new(&self.gpu, RoleKind::Transfer, half.timestamps.as_ref());
+        for target in std::mem::take(&mut half.targets) {
+            let of_target = staged.iter().filter(|staged| staged.place.target() == target);
+            match target {
+                Target::Image(index) if index < images.len() => {
+                    let regions: Vec<_> = of_target.map(|s| s.box_of(images[index])).collect();
+                    let (source, target) = (&half.buffer, images[index]);
+                    recorder.copy_regions_to_image(label, source, target, &regions);
+                }
+                Target::Buffer(index) if index < buffers.len() => {
+                    let regions: Vec<_> = of_target.map(Staged::bytes).collect();
+                    let (source, target) = (&half.buffer, buffers[index]);
+                    recorder.copy_regions_to_buffer(label, source, target, &regions);
+                }
+                missing => misuse(format_args!("{missing:?} is staged, but not given to flush")),
+            }
+        }
+        let mut submitted = recorder.submit(waits)?;
+        submitted.record.host = std::mem::take(&mut self.host);
+        half.unmeasured = true;
+        half.read_until = Some(submitted.point);
         self.last = Some(submitted.point);
-        self.current = 1 - current;
-        Ok(submitted.point)
+        self.current = 1 - self.current;
+        Ok(Some(submitted))
+    }
+
+    /// What the host did with the halves since the last flush, whose record holds what was before.
+    pub fn take_host_events(&mut self) -> Vec<HostEvent> {
+        std::mem::take(&mut self.host)
     }
 
     /// Waits for every copy and returns the milliseconds they took on the device, as far as its
@@ -93,18 +262,49 @@ impl Staging {
     pub fn finish(&mut self) -> Result<f64> {
         if let Some(last) = self.last {
             self.gpu.wait(last)?;
+            self.host.push(HostEvent::Waited(last));
         }
-        self.measure(0)?;
-        self.measure(1)?;
+        for half in &mut self.halves {
+            self.copy_ms += half.measure()?;
+        }
         Ok(self.copy_ms)
     }
+}
 
-    fn measure(&mut self, half: usize) -> Result<()> {
-        if std::mem::take(&mut self.unmeasured[half])
-            && let Some(timestamps) = &self.timestamps[half]
-        {
-            self.copy_ms += timestamps.step_ms()?.iter().map(|(_, ms)| ms).sum::<f64>();
+impl Place {
+    fn target(&self) -> Target {
+        match *self {
+            Place::Image { image, .. } => Target::Image(image),
+            Place::Buffer { buffer, .. } => Target::Buffer(buffer),
         }
-        Ok(())
+    }
+}
+
+impl Staged {
+    fn box_of(&self, target: &Image) -> ImageRegion {
+        let Place::Image { start, size, .. } = self.place else { misuse("a box of a buffer") };
+        let region = ImageRegion { buffer_offset: self.source_offset, start, size };
+        let wanted = region.texels() * target.spec().format.bytes();
+        if wanted != self.bytes {
+            let name = target.spec().name;
+            misuse(format_args!("{} bytes staged for {wanted} of {name}", self.bytes));
+        }
+        region
+    }
+
+    fn bytes(&self) -> BufferRegion {
+        let Place::Buffer { offset, .. } = self.place else { misuse("bytes of an image") };
+        BufferRegion { source_offset: self.source_offset, target_offset: offset, bytes: self.bytes }
+    }
+}
+
+impl Half {
+    fn measure(&mut self) -> Result<f64> {
+        if std::mem::take(&mut self.unmeasured)
+            && let Some(timestamps) = &self.timestamps
+        {
+            return Ok(timestamps.step_ms()?.iter().map(|(_, ms)| ms).sum());
+        }
+        Ok(0.0)
     }
 }

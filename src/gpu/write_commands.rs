@@ -50,7 +50,8 @@ pub(crate) fn submit(
     let mut labels = Vec::new();
     for (step, barriers) in steps.iter().zip(barriers) {
         write_barriers(gpu, commands, step, barriers);
-        let measured = timestamps.filter(|_| !matches!(step.work, Work::HostRead));
+        let idle = matches!(step.work, Work::HostRead | Work::Prepare);
+        let measured = timestamps.filter(|_| !idle);
         if let Some(timestamps) = measured {
             let query = 2 * labels.len() as u32;
             if query >= 2 * timestamps.steps_max {
@@ -145,7 +146,7 @@ fn write_barriers(
     for (_, barrier) in barriers {
         let ((before_stage, before_access), (after_stage, after_access)) =
             (barrier.before, barrier.after);
-        match step.image_of(barrier.resource).filter(|_| barrier.discard) {
+        match step.fresh_image(barrier.resource).filter(|_| barrier.discard) {
             Some(image) => images.push(
                 vk::ImageMemoryBarrier2::builder()
                     .src_stage_mask(before_stage)
@@ -179,7 +180,7 @@ fn write_barriers(
 
 fn write_step(gpu: &Gpu, commands: vk::CommandBuffer, step: &Step) -> Result<()> {
     let device = &gpu.device;
-    if matches!(step.work, Work::HostRead) {
+    if matches!(step.work, Work::HostRead | Work::Prepare) {
         return Ok(());
     }
     let label = c_string(step.label);
@@ -189,7 +190,7 @@ fn write_step(gpu: &Gpu, commands: vk::CommandBuffer, step: &Step) -> Result<()>
         unsafe { debug_utils.cmd_begin_debug_utils_label(commands, &info) };
     }
     match &step.work {
-        Work::HostRead => {}
+        Work::HostRead | Work::Prepare => {}
         Work::Dispatch { pipeline, bound, push, groups } => {
             let set = pipeline.set(bound)?;
             let compute = vk::PipelineBindPoint::COMPUTE;
@@ -240,6 +241,22 @@ fn write_step(gpu: &Gpu, commands: vk::CommandBuffer, step: &Step) -> Result<()>
                     &regions,
                 );
             }
+        }
+        Work::CopyToBuffer { source, target, regions } => {
+            let regions: Vec<_> = regions
+                .iter()
+                .map(|region| vk::BufferCopy {
+                    src_offset: region.source_offset,
+                    dst_offset: region.target_offset,
+                    size: region.bytes,
+                })
+                .collect();
+            // SAFETY: the recorder checked that regions lie inside both buffers, which differ.
+            unsafe { device.cmd_copy_buffer(commands, source.handle, target.handle, &regions) };
+        }
+        Work::Fill { target, offset, bytes, value } => {
+            // SAFETY: the recorder checked that the bytes lie inside the buffer and are whole numbers.
+            unsafe { device.cmd_fill_buffer(commands, target.handle, *offset, *bytes, *value) };
         }
     }
     if let Some(debug_utils) = &gpu.instance.debug_utils {

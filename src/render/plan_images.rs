@@ -141,7 +141,8 @@ fn images_in_layout(
                 if linear { ", or --filter exact" } else { "" }
             )));
         }
-        let spec = ImageSpec { name: CHANNEL_NAMES[channel], size, format: texel.format };
+        let spec =
+            ImageSpec { name: CHANNEL_NAMES[channel], size, format: texel.format, stored: false };
         images.push(PlannedImage {
             name: spec.name,
             size,

@@ -145,7 +145,8 @@ pub(super) fn filled_image(
     texel: &TexelLayout,
 ) -> Result<Image> {
     let size = [edge + 2; 3];
-    let image = Image::new(gpu, &ImageSpec { name: "probed", size, format: texel.format })?;
+    let spec = ImageSpec { name: "probed", size, format: texel.format, stored: false };
+    let image = Image::new(gpu, &spec)?;
     let slice = u64::from(size[0]) * u64::from(size[1]) * texel.format.bytes();
     let mut staging = Staging::new(gpu, slice.max(4 << 20))?;
     upload(&mut staging, &image, voxels, Size3::cube(edge), texel)?;

@@ -121,7 +121,7 @@ impl Device {
     }
 
     pub fn image(&self, size: [u32; 3], format: ImageFormat, texels: &[u8]) -> Image {
-        let spec = ImageSpec { name: "image", size, format };
+        let spec = ImageSpec { name: "image", size, format, stored: false };
         let image = Image::new(&self.gpu, &spec).expect("an image");
         let mut staging = Staging::new(&self.gpu, texels.len() as u64).expect("staging");
         let copied = staging.copy_to_image("upload", texels, &image, [0; 3], size);

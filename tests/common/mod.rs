@@ -5,6 +5,7 @@
 
 pub mod device;
 pub mod drawing;
+pub mod texels;
 
 use std::path::PathBuf;
 
