@@ -89,11 +89,12 @@ void main() {
         RayState state = state_of_ray[ray];
         place = PLACE_RUNNING;
         bool ended = false;
+        uint blocks_left = push.blocks_max;
 #ifdef SEVERAL_LEVELS
         bool more = true;
         for (uint levels = 0u; levels < LEVELS && more; ++levels) {
 #endif
-            march_bricks(geometry, state, partial, place, push.round, push.blocks_max, push.early_stop);
+            march_bricks(geometry, state, partial, place, push.round, blocks_left, push.early_stop);
             ended = state.next_sample >= geometry.sample_count;
 #ifdef SEVERAL_LEVELS
             more = ended && partial.level + 1u < LEVELS;
@@ -113,6 +114,7 @@ void main() {
 #endif
         state_of_ray[ray] = state;
         block_of_ray[ray] = partial;
+        atomicAdd(round_progress.moved, 1u);
         waits = place < PLACE_RUNNING;
         for (bool look = waits; look; look = false) {
             mark_place(place);

@@ -607,7 +607,7 @@ fn host_structs_lie_as_in_the_shaders() {
     let of = |name: &str| resolve.bindings.iter().find(|binding| binding.name == name).unwrap();
     assert_eq!(of("picture").members[0].stride, 16, "a pixel is four f32");
     for (host, shader, buffer) in [
-        (host!(Progress { front, waiting, running, unused_0 }), "tally", "progress"),
+        (host!(Progress { front, waiting, running, moved }), "tally", "progress"),
         (host!(Tallies { dead, live, wished, unused_0 }), "choose", "tallies"),
         (host!(Choice { grants, dead_grants, request_cut, victim_cut }), "choose", "choice"),
     ] {

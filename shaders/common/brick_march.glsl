@@ -201,11 +201,11 @@ uint samples_inside(vec3 position, vec3 step_voxel, ivec3 first, ivec3 end, ivec
     return uint(max(min(min(count.x, count.y), count.z) * 0.9999 - 0.01, 1.0));
 }
 
-// Takes up to blocks_max blocks of samples of one level; stops, with `place` saying where, at the first
+// Takes up to blocks_left blocks of samples of one level; stops, with `place` saying where, at the first
 // sample that needs a brick which is not there.
 void march_bricks(
     RayGeometry geometry, inout RayState state, inout RayBlock partial, inout uint place, uint round,
-    uint blocks_max, float early_stop
+    inout uint blocks_left, float early_stop
 ) {
     Fixed3 start = Fixed3(geometry.start_cell, geometry.start_fraction);
     Fixed3 delta = Fixed3(geometry.delta_cell, geometry.delta_fraction);
@@ -221,7 +221,7 @@ void march_bricks(
     uint sample_index = partial.sample_index;
     Block block = Block(partial.color, partial.depth, partial.transmitted);
 
-    for (uint turn = 0u; turn < blocks_max && state.next_sample < geometry.sample_count && !missing; ++turn) {
+    for (; blocks_left > 0u && state.next_sample < geometry.sample_count && !missing; --blocks_left) {
         Fixed3 anchor = fixed_advance(start, delta, state.next_sample);
         vec3 anchor_fraction = fixed_fraction(anchor.fraction);
         uint samples = min(BLOCK_SAMPLES, geometry.sample_count - state.next_sample);

@@ -111,8 +111,8 @@ pub struct Progress {
     pub waiting: u32,
     /// Rays that used up the round's steps.
     pub running: u32,
-    /// Nothing.
-    pub unused_0: u32,
+    /// Rays that did not wait all the round, once per dispatch.
+    pub moved: u32,
 }
 
 /// What a round tells the host of one atlas.

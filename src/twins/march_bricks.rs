@@ -72,6 +72,7 @@ pub fn march_bricks(
                 }
             };
             rays.places[ray] = place;
+            cache.progress.moved += 1;
         }
         if last && place != PLACE_ENDED {
             let waits = place != PLACE_RUNNING;
