@@ -11,6 +11,7 @@ pub mod loading;
 pub mod passes;
 pub mod reference;
 pub mod render;
+pub mod residency;
 pub mod scene;
 pub mod source;
 pub mod store;
