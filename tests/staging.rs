@@ -5,8 +5,8 @@ mod common;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ashfall::gpu::{
-    Access, Buffer, BufferSpec, Image, ImageFormat, ImageRegion, ImageSpec, MemoryHome, Place,
-    Recorder, RoleKind, Staging, StepKind,
+    Access, Buffer, BufferSpec, HostEvent, Image, ImageFormat, ImageRegion, ImageSpec, MemoryHome,
+    Place, Record, Recorder, RoleKind, SlotEvent, Staging, StepKind, two_queues,
 };
 use common::device::{Device, device};
 
@@ -223,4 +223,52 @@ fn buffers_are_filled_and_copied_in_parts() {
     };
     assert!(!refused(60, 4));
     assert!(refused(2, 4) && refused(4, 6) && refused(4, 0) && refused(64, 4));
+}
+
+/// Frames that read an atlas while bricks are copied into other slots of it, recorded for real.
+#[test]
+fn what_staging_records_is_proved_to_be_in_order() {
+    let Some(device) = device() else { return };
+    let slot = [4, 4, 3];
+    let start = |index: u32| [index % 2 * 4, 0, index / 2 * 3];
+    let image = atlas(&device);
+    let table = buffer(&device, "table", 64, MemoryHome::Device);
+    let mut staging = Staging::new(&device.gpu, 128).expect("staging");
+    let mut records: Vec<Record> = Vec::new();
+    let mut copied = Vec::new();
+    for round in 0..12u32 {
+        // Frame: publish what was copied two frames ago, grant another slot.
+        let mut recorder = Recorder::new(&device.gpu, RoleKind::Render, None);
+        recorder.prepare(&image);
+        recorder.fill("publish", &table, 0, 4, round);
+        recorder.fill("grant", &table, 4, 4, round);
+        let arrived = (round >= 2).then(|| copied[round as usize - 2]);
+        let waits: Vec<_> = arrived.into_iter().collect();
+        let mut frame = recorder.submit(&waits).expect("submitted");
+        let steps = &mut frame.record.steps;
+        let last = steps.len() - 1;
+        if round >= 2 {
+            steps[last - 1].slots.push((SlotEvent::Published, (round - 2) % 4));
+        }
+        steps[last].slots.push((SlotEvent::Granted, round % 4));
+        records.push(frame.record);
+        let texels = numbered(round as u8, slot);
+        assert!(staging.stage_image(&texels, 0, start(round % 4), slot).expect("staged"));
+        let flushed = staging.flush("copy", &[&image], &[], &[frame.point]).expect("flushed");
+        let mut flushed = flushed.expect("staged");
+        flushed.record.steps[0].slots.push((SlotEvent::CopiedInto, round % 4));
+        flushed.record.steps[0].by_slot.push("atlas");
+        copied.push(flushed.point);
+        records.push(flushed.record);
+    }
+    staging.finish().expect("it ends");
+    records.push(Record::of_host(staging.take_host_events()));
+    assert_eq!(two_queues::check(&records), []);
+    // Without the host's own waits, it would overwrite halves that are being read.
+    for record in &mut records {
+        record.host.retain(|event| !matches!(event, HostEvent::Waited(_)));
+    }
+    let faults = two_queues::check(&records);
+    let overwrites = |fault: &_| matches!(fault, two_queues::Fault::OverwrittenByHost { .. });
+    assert!(faults.iter().any(overwrites), "{faults:?}");
 }

@@ -162,7 +162,8 @@ impl Tracker {
     }
 }
 
-const WRITES: vk::AccessFlags2 = vk::AccessFlags2::from_raw(
+/// Accesses that change what is there.
+pub(crate) const WRITES: vk::AccessFlags2 = vk::AccessFlags2::from_raw(
     vk::AccessFlags2::SHADER_STORAGE_WRITE.as_raw() | vk::AccessFlags2::TRANSFER_WRITE.as_raw(),
 );
 

@@ -30,6 +30,7 @@ mod roles;
 mod shader;
 mod staging;
 mod timestamps;
+pub mod two_queues;
 mod write_commands;
 
 pub use access::{Access, Barrier, Tracker};
