@@ -1,0 +1,385 @@
+//! What the host knows and holds between rounds: granted slots, bricks bound to them, what surveys said.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+
+use crate::error::Error;
+use crate::loading::{Block, Wish};
+use crate::render::paging::brick_numbers::BrickNumbers;
+use crate::render::paging::visibility::{Judge, Shows};
+use crate::residency::Report;
+use crate::source::BrickEntry;
+use crate::twins::cache::entry;
+use crate::twins::limits::{
+    ENTRY_ABSENT, ENTRY_CONSTANT, ENTRY_EXPECTED, ENTRY_FAILED, ENTRY_HIDDEN, ENTRY_MAPPED,
+    ENTRY_UNMAPPED, OWNER_FREE,
+};
+use crate::twins::publish::Update;
+use crate::volume::{BrickGrid, BrickId};
+
+/// Bricks of one value share texels, of which there are at most this many.
+pub const CONSTANTS_MAX: u32 = 65_536;
+
+/// A brick that a slot is kept for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bound {
+    /// Number over all atlases.
+    pub slot: u32,
+    /// Of the wish.
+    pub rank: u32,
+}
+
+/// Counts of one view.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Counts {
+    /// Bricks copied into slots.
+    pub uploaded: u64,
+    /// The same by level.
+    pub uploaded_by_level: Vec<u64>,
+    /// Texel bytes copied.
+    pub uploaded_bytes: u64,
+    /// Bricks copied into slots at least once.
+    pub distinct: u64,
+    /// Bricks that the source does not have, of all that were looked at.
+    pub absent: u64,
+    /// Bricks that show nothing.
+    pub hidden: u64,
+    /// Bricks of one value.
+    pub constant: u64,
+    /// Bricks of one value that travel, since there are too many values.
+    pub constants_overflow: u64,
+}
+
+/// See the module.
+pub struct HostCache {
+    numbers: BrickNumbers,
+    /// By channel of the source.
+    judges: HashMap<u16, Judge>,
+    slot_first: Vec<u32>,
+    /// Granted and not bound, atlas by atlas, over all atlases' numbers.
+    pool: Vec<Vec<u32>>,
+    bound: BTreeMap<BrickId, Bound>,
+    /// Bit per brick of a block: whether its voxels have to travel. Empty: asked for, not known yet.
+    surveyed: HashMap<Block, Vec<bool>>,
+    /// Of the last report, in order of rank: bricks that are neither there nor on their way.
+    wanted: Vec<(u32, BrickId)>,
+    updates: BTreeMap<u32, Update>,
+    constants: HashMap<[u32; 4], u32>,
+    constant_texels: Vec<[f32; 4]>,
+    constants_written: usize,
+    failed: BTreeMap<BrickId, Error>,
+    loaded: HashSet<BrickId>,
+    /// Of this view.
+    pub counts: Counts,
+}
+
+impl HostCache {
+    /// Nothing is known yet. `slot_first`: first slot of every atlas.
+    pub fn new(
+        numbers: BrickNumbers,
+        judges: HashMap<u16, Judge>,
+        slot_first: Vec<u32>,
+    ) -> HostCache {
+        HostCache {
+            numbers,
+            judges,
+            pool: vec![Vec::new(); slot_first.len()],
+            slot_first,
+            bound: BTreeMap::new(),
+            surveyed: HashMap::new(),
+            wanted: Vec::new(),
+            updates: BTreeMap::new(),
+            constants: HashMap::new(),
+            constant_texels: Vec::new(),
+            constants_written: 0,
+            failed: BTreeMap::new(),
+            loaded: HashSet::new(),
+            counts: Counts::default(),
+        }
+    }
+
+    /// Numbers of bricks.
+    pub fn numbers(&self) -> &BrickNumbers {
+        &self.numbers
+    }
+
+    /// A new view: counts begin anew.
+    pub fn begin_view(&mut self) {
+        self.loaded.clear();
+        self.counts = Counts::default();
+    }
+
+    /// Takes a round's grants and requests; gives blocks that have to be surveyed before anything can be
+    /// said of their bricks.
+    pub fn take_report(&mut self, report: &Report) -> Vec<Block> {
+        let mut blocks = BTreeSet::new();
+        self.wanted.clear();
+        for (atlas, of_atlas) in report.atlases.iter().enumerate() {
+            self.pool[atlas].extend(&of_atlas.grants);
+            for [entry, rank] in &of_atlas.requests {
+                let id = self.numbers.brick(atlas, *entry);
+                if self.bound.contains_key(&id) {
+                    continue;
+                }
+                let block = Block::of(id);
+                if !self.surveyed.contains_key(&block) {
+                    blocks.insert(block);
+                }
+                self.wanted.push((*rank, id));
+            }
+        }
+        self.wanted.sort_by_key(|(rank, _)| *rank);
+        blocks.iter().for_each(|block| _ = self.surveyed.insert(*block, Vec::new()));
+        blocks.into_iter().collect()
+    }
+
+    /// Wants these bricks before all else.
+    pub fn want_first(&mut self, bricks: impl Iterator<Item = BrickId>) -> Vec<Block> {
+        let mut first: Vec<_> = bricks.map(|id| (0, id)).collect();
+        let mut blocks: Vec<_> = first.iter().map(|(_, id)| Block::of(*id)).collect();
+        blocks.sort();
+        blocks.dedup();
+        blocks.retain(|block| self.surveyed.insert(*block, Vec::new()).is_none());
+        first.append(&mut self.wanted);
+        self.wanted = first;
+        blocks
+    }
+
+    /// Learns what the source knows of a block's bricks.
+    pub fn take_survey(
+        &mut self,
+        block: Block,
+        entries: &[(BrickId, crate::error::Result<BrickEntry>)],
+    ) {
+        let mut travels = Vec::with_capacity(entries.len());
+        for (id, of_source) in entries {
+            let (Some(number), Some(judge)) =
+                (self.numbers.entry(*id), self.judges.get(&id.channel))
+            else {
+                travels.push(false);
+                continue;
+            };
+            let value = match of_source {
+                Err(why) => {
+                    self.failed.insert(*id, why.clone());
+                    Some(entry(ENTRY_FAILED, 0))
+                }
+                Ok(of_source) => match judge.shows(of_source) {
+                    Shows::Absent => {
+                        self.counts.absent += 1;
+                        Some(entry(ENTRY_ABSENT, 0))
+                    }
+                    Shows::Hidden => {
+                        self.counts.hidden += 1;
+                        Some(entry(ENTRY_HIDDEN, 0))
+                    }
+                    Shows::Constant(texel) => self.constant(texel),
+                    Shows::Voxels => None,
+                },
+            };
+            travels.push(value.is_none());
+            if let Some(value) = value {
+                self.update(Update { entry: number, value, slot: OWNER_FREE, owner: OWNER_FREE });
+            }
+        }
+        self.surveyed.insert(block, travels);
+    }
+
+    fn constant(&mut self, texel: [f32; 4]) -> Option<u32> {
+        let count = self.constants.len() as u32;
+        let number = match self.constants.get(&texel.map(f32::to_bits)) {
+            Some(number) => *number,
+            None if count == CONSTANTS_MAX => {
+                self.counts.constants_overflow += 1;
+                return None;
+            }
+            None => {
+                self.constants.insert(texel.map(f32::to_bits), count);
+                self.constant_texels.push(texel);
+                count
+            }
+        };
+        self.counts.constant += 1;
+        Some(entry(ENTRY_CONSTANT, number))
+    }
+
+    /// Texels of constants that the device does not have yet, and the number of the first.
+    pub fn new_constants(&mut self) -> Option<(usize, &[[f32; 4]])> {
+        let first = std::mem::replace(&mut self.constants_written, self.constant_texels.len());
+        let new = &self.constant_texels[first..];
+        (!new.is_empty()).then_some((first, new))
+    }
+
+    /// Binds wanted bricks to granted slots, most urgent first. `expected`: rays shall not ask for them
+    /// again.
+    pub fn bind(&mut self, expected: bool, grid_of_level: impl Fn(u8) -> Option<BrickGrid>) {
+        let mut left = Vec::new();
+        for (rank, id) in std::mem::take(&mut self.wanted) {
+            match self.travels(id, &grid_of_level) {
+                Some(true) => {}
+                Some(false) => continue,
+                None => {
+                    left.push((rank, id));
+                    continue;
+                }
+            }
+            let atlas = self.numbers.atlas_of(id);
+            let Some(number) = self.numbers.entry(id) else { continue };
+            let Some(slot) = self.pool[atlas].pop() else {
+                left.push((rank, id));
+                continue;
+            };
+            self.bound.insert(id, Bound { slot, rank });
+            if expected {
+                let value = entry(ENTRY_EXPECTED, 0);
+                self.update(Update { entry: number, value, slot: OWNER_FREE, owner: OWNER_FREE });
+            }
+        }
+        self.wanted = left;
+    }
+
+    /// Whether a brick's voxels have to travel; nothing: its survey has not come.
+    fn travels(
+        &self,
+        id: BrickId,
+        grid_of_level: &impl Fn(u8) -> Option<BrickGrid>,
+    ) -> Option<bool> {
+        if self.failed.contains_key(&id) {
+            return Some(false);
+        }
+        let block = Block::of(id);
+        let known = self.surveyed.get(&block).filter(|known| !known.is_empty())?;
+        let grid = grid_of_level(id.level)?;
+        let at = block.bricks(grid).position(|brick| brick == id)?;
+        known.get(at).copied()
+    }
+
+    /// Bricks to load: those that slots are kept for, and up to `ahead` more.
+    pub fn wishes(&self, ahead: usize) -> Vec<Wish> {
+        let bound = self.bound.iter().map(|(id, bound)| Wish { id: *id, rank: bound.rank.into() });
+        let known = |id: &BrickId| {
+            self.surveyed.get(&Block::of(*id)).is_some_and(|known| !known.is_empty())
+        };
+        let ahead = self
+            .wanted
+            .iter()
+            .filter(|(_, id)| known(id))
+            .take(ahead)
+            .map(|(rank, id)| Wish { id: *id, rank: u64::from(*rank) + (1 << 32) });
+        bound.chain(ahead).collect()
+    }
+
+    /// The slot kept for a brick.
+    pub fn slot_of(&self, id: BrickId) -> Option<u32> {
+        self.bound.get(&id).map(|bound| bound.slot)
+    }
+
+    /// Slots kept for bricks that have not come.
+    pub fn bound_count(&self) -> usize {
+        self.bound.len()
+    }
+
+    /// Granted slots of an atlas that nothing is bound to.
+    pub fn pool_count(&self, atlas: usize) -> u32 {
+        self.pool[atlas].len() as u32
+    }
+
+    /// The atlas of a slot, and the slot's number in it.
+    pub fn atlas_of_slot(&self, slot: u32) -> (usize, u32) {
+        let atlas = self.slot_first.iter().rposition(|first| slot >= *first).unwrap_or(0);
+        (atlas, slot - self.slot_first[atlas])
+    }
+
+    /// A bound brick was copied into its slot, `bytes` long: rays see it from the next round on.
+    pub fn arrived(&mut self, id: BrickId, bytes: u64) {
+        let Some(Bound { slot, .. }) = self.bound.remove(&id) else { return };
+        let Some(number) = self.numbers.entry(id) else { return };
+        let (_, in_atlas) = self.atlas_of_slot(slot);
+        self.update(Update {
+            entry: number,
+            value: entry(ENTRY_MAPPED, in_atlas),
+            slot,
+            owner: number,
+        });
+        self.counts.uploaded += 1;
+        self.counts.uploaded_bytes += bytes;
+        let level = usize::from(id.level);
+        let levels = self.counts.uploaded_by_level.len().max(level + 1);
+        self.counts.uploaded_by_level.resize(levels, 0);
+        self.counts.uploaded_by_level[level] += 1;
+        self.counts.distinct += u64::from(self.loaded.insert(id));
+    }
+
+    /// A brick could not be read: drawn as nothing for the epoch, and its slot is free for another.
+    pub fn failed(&mut self, id: BrickId, why: Error) {
+        if let Some(Bound { slot, .. }) = self.bound.remove(&id) {
+            let (atlas, _) = self.atlas_of_slot(slot);
+            self.pool[atlas].push(slot);
+        }
+        self.failed.insert(id, why);
+        if let Some(number) = self.numbers.entry(id) {
+            let value = entry(ENTRY_FAILED, 0);
+            self.update(Update { entry: number, value, slot: OWNER_FREE, owner: OWNER_FREE });
+        }
+    }
+
+    /// Gives up what is on its way: rays may ask for it again.
+    pub fn give_up(&mut self) -> Vec<BrickId> {
+        let given_up: Vec<_> = std::mem::take(&mut self.bound).into_iter().collect();
+        for (id, bound) in &given_up {
+            let (atlas, _) = self.atlas_of_slot(bound.slot);
+            self.pool[atlas].push(bound.slot);
+            if let Some(number) = self.numbers.entry(*id) {
+                let value = entry(ENTRY_UNMAPPED, 0);
+                self.update(Update { entry: number, value, slot: OWNER_FREE, owner: OWNER_FREE });
+            }
+        }
+        // Surveys that never came are asked for again.
+        self.surveyed.retain(|_, known| !known.is_empty());
+        given_up.into_iter().map(|(id, _)| id).collect()
+    }
+
+    /// Bricks that could not be read, and why.
+    pub fn failures(&self) -> &BTreeMap<BrickId, Error> {
+        &self.failed
+    }
+
+    /// Failed bricks may be asked for again.
+    pub fn forget_failures(&mut self) {
+        for id in std::mem::take(&mut self.failed).into_keys() {
+            // What the survey said may be the failure.
+            self.surveyed.remove(&Block::of(id));
+            if let Some(number) = self.numbers.entry(id) {
+                let value = entry(ENTRY_UNMAPPED, 0);
+                self.update(Update { entry: number, value, slot: OWNER_FREE, owner: OWNER_FREE });
+            }
+        }
+    }
+
+    /// The source changed and the device was cleared: nothing is known, nothing held.
+    pub fn clear(&mut self) {
+        self.pool.iter_mut().for_each(Vec::clear);
+        self.bound.clear();
+        self.surveyed.clear();
+        self.wanted.clear();
+        self.updates.clear();
+        self.failed.clear();
+    }
+
+    fn update(&mut self, update: Update) {
+        self.updates.insert(update.entry, update);
+    }
+
+    /// Whether the next round has something to publish.
+    pub fn has_updates(&self) -> bool {
+        !self.updates.is_empty()
+    }
+
+    /// Up to `most` updates for the next round.
+    pub fn take_updates(&mut self, most: usize) -> Vec<Update> {
+        let later = match self.updates.keys().nth(most).copied() {
+            Some(key) => self.updates.split_off(&key),
+            None => BTreeMap::new(),
+        };
+        std::mem::replace(&mut self.updates, later).into_values().collect()
+    }
+}

@@ -1,0 +1,25 @@
+//! Drawing through an atlas that holds a part of the volume: the paging loop's host side.
+//!
+//! [`plan::PagingPlan`] says what it takes, [`paged::Paged`] holds the objects, [`rounds`] turns the
+//! loop, [`host_cache::HostCache`] keeps the books.
+//!
+//! # Source
+//! DESIGN section 5.
+
+mod brick_numbers;
+mod brick_texels;
+mod host_cache;
+mod paged;
+mod plan;
+mod rounds;
+mod settings;
+mod view_levels;
+mod visibility;
+
+pub use brick_numbers::{BrickNumbers, ChannelPlace};
+pub use settings::{CopyPath, LoadOrder, PagingSettings};
+pub use view_levels::ViewLevels;
+
+pub(super) use paged::Paged;
+pub(super) use plan::PagingPlan;
+pub(super) use rounds::draw;

@@ -1,0 +1,320 @@
+//! What paging a volume takes: atlases, levels of every view, shapes of shaders, sizes of lists.
+
+use std::collections::HashMap;
+
+use crate::error::{Error, Result};
+use crate::gpu::{BufferSpec, Gpu, MemoryHome, Staging, Variant};
+use crate::passes::brick_shape::{AtlasShape, BrickShape};
+use crate::passes::cache_buffers::RankShape;
+use crate::passes::march_shape::{ChannelShape, Shape};
+use crate::passes::{rays, resolve};
+use crate::render::image_layout::{Layout, LayoutChoice, TexelLayout};
+use crate::render::paging::brick_numbers::{BrickNumbers, ChannelPlace};
+use crate::render::paging::host_cache::CONSTANTS_MAX;
+use crate::render::paging::view_levels::ViewLevels;
+use crate::render::paging::visibility::Judge;
+use crate::render::scene_data::SceneData;
+use crate::render::settings::Settings;
+use crate::render::transfer_segments::transfer_segments;
+use crate::residency::{AtlasLayout, AtlasPlan, ResidencyShape};
+use crate::scene::{Filter, Refine};
+use crate::twins::ray::{RayGeometry, RayState};
+use crate::twins::ray_block::RayBlock;
+use crate::twins::ray_setup::ViewRays;
+use crate::twins::transfer::TransferSegment;
+use crate::volume::VoxelFormat;
+
+/// Names of atlases, in the order of the scene's first channel of each texel format.
+const ATLAS_NAMES: [&str; 4] = ["atlas_0", "atlas_1", "atlas_2", "atlas_3"];
+/// Slots that one round grants, and requests that it lists, at most.
+const LIST_MAX: u32 = 4096;
+/// Updates that one round publishes, at most.
+const UPDATES_MAX: u32 = 65_536;
+/// With fewer slots than this, four times as many smaller ones are worth more than fewer fetches.
+const QUADS_SLOTS_MIN: u32 = 64;
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct PagingPlan {
+    /// Bricks' numbers.
+    pub numbers: BrickNumbers,
+    /// One per view of the scene.
+    pub views: Vec<ViewLevels>,
+    /// One per channel of the scene.
+    pub layouts: Vec<TexelLayout>,
+    /// By channel of the source.
+    pub judges: HashMap<u16, Judge>,
+    /// Transfer functions of all channels.
+    pub segments: Vec<TransferSegment>,
+    /// Atlas, page table, lists.
+    pub residency: ResidencyShape,
+    /// Of march_bricks.
+    pub bricks: BrickShape,
+    /// Of one staging half.
+    pub staging_half_bytes: u64,
+}
+
+impl PagingPlan {
+    /// Plans the paging of the scene's volume; makes nothing.
+    ///
+    /// # Errors
+    /// Exit code 3 when `atlas_mib` holds too few slots or the volume has too many bricks.
+    pub fn new(gpu: &Gpu, data: &SceneData, settings: &Settings) -> Result<PagingPlan> {
+        let scene = &data.scene;
+        let (volume, source) = (&scene.volumes[0], &data.volumes[0]);
+        let description = source.source.description();
+        let (mut judges, mut segments) = (HashMap::new(), Vec::new());
+        let (texel_layouts, atlases) = fitting_atlases(gpu, data, settings)?;
+        let mut shapes = Vec::new();
+        for ((channel, shown), layout) in
+            volume.channels.iter().zip(source.shown()).zip(&texel_layouts)
+        {
+            let scaling = (shown.slope, shown.intercept);
+            let of_channel = transfer_segments(channel, scaling, (layout.scale, layout.offset));
+            let count = of_channel.len() as u32;
+            shapes.push(match shown.format {
+                VoxelFormat::Rgba8 => ChannelShape::Rgba { segments: count },
+                _ => ChannelShape::Scalar { segments: count },
+            });
+            let judge = Judge {
+                format: shown.format,
+                layout: *layout,
+                segments: of_channel.clone(),
+                skipping: settings.paging.skipping,
+            };
+            judges.insert(source.channels[judges.len()], judge);
+            segments.extend(of_channel);
+        }
+        let numbers = atlases.numbers;
+        let world_from_voxel = data.world_from_voxel(0);
+        let quality = (scene.quality.step, scene.quality.level_max);
+        let size = scene.picture.size;
+        let views: Vec<ViewLevels> = scene
+            .views
+            .iter()
+            .map(|view| {
+                ViewLevels::new(view, size, description, &world_from_voxel, &numbers, quality)
+            })
+            .collect();
+        let substitute = scene.quality.refine == Refine::Substitute;
+        let ranks = RankShape { levels: description.levels.count() as u32, substitute };
+        let places = numbers.channels.iter().map(|place| (place.atlas, place.in_atlas)).collect();
+        let slots_max = atlases.plans.iter().map(|plan| plan.layout.slot_count()).max().unwrap_or(1);
+        let slot = atlases.plans[0].layout.slot;
+        let residency = ResidencyShape {
+            ranks,
+            rank_count: views.iter().map(|view| view.ranks).max().unwrap_or(1),
+            grants_max: slots_max.min(LIST_MAX),
+            requests_max: (slots_max * 2).min(LIST_MAX),
+            updates_max: UPDATES_MAX,
+            atlases: atlases.plans,
+        };
+        let bricks = BrickShape {
+            march: Shape {
+                channels: shapes,
+                filter: texel_layouts[0].filter_shape(scene.quality.filter),
+                early_stop: scene.quality.early_stop > 0.0,
+                nan_voxels: source.shown().any(|channel| channel.nan_voxels > 0),
+            },
+            places,
+            atlases: residency.atlases.iter().map(|atlas| atlas.shape).collect(),
+            ranks,
+            several_levels: views.iter().any(ViewLevels::several),
+            views: scene.views.len(),
+            skipping: settings.paging.skipping,
+            show_states: settings.paging.show_states,
+            payload: description.payload.to_array(),
+            slot,
+        };
+        let texels: u64 = slot.iter().map(|edge| u64::from(*edge)).product();
+        let texel = texel_layouts.iter().map(|layout| layout.format.bytes()).max().unwrap_or(1);
+        let brick_bytes = (texels * texel).next_multiple_of(16);
+        let half = match settings.paging.staging_bricks {
+            Some(bricks) => brick_bytes * u64::from(bricks.max(1)),
+            None => (scene.memory.staging_mib << 20) / 2,
+        };
+        let all_slots = brick_bytes * u64::from(residency.slots());
+        Ok(PagingPlan {
+            numbers,
+            views,
+            layouts: texel_layouts,
+            judges,
+            segments,
+            residency,
+            bricks,
+            staging_half_bytes: half.clamp(brick_bytes, all_slots.max(brick_bytes)),
+        })
+    }
+
+    /// Samples of a ray, at most, over all views.
+    pub fn samples_of_ray_max(&self) -> f64 {
+        self.views.iter().map(|view| view.samples_of_ray_max).fold(1.0, f64::max)
+    }
+
+    /// Every buffer.
+    pub fn buffers(&self, rays_count: u64) -> Vec<BufferSpec> {
+        let spec = |name, bytes, home| BufferSpec { name, bytes, home };
+        let of = |count: usize, bytes: usize| (count * bytes) as u64;
+        let per_ray = |bytes: usize| rays_count * bytes as u64;
+        let mut specs = vec![
+            spec("views", of(self.views.len(), size_of::<ViewRays>()), MemoryHome::Upload),
+            spec(
+                "transfer",
+                of(self.segments.len(), size_of::<TransferSegment>()),
+                MemoryHome::Upload,
+            ),
+            spec("constants", u64::from(CONSTANTS_MAX) * 16, MemoryHome::Upload),
+            spec("picture", per_ray(16), MemoryHome::Readback),
+            spec("counters", 8, MemoryHome::Readback),
+            spec("ray_geometry", per_ray(size_of::<RayGeometry>()), MemoryHome::Device),
+            spec("ray_state", per_ray(size_of::<RayState>()), MemoryHome::Device),
+            spec("ray_block", per_ray(size_of::<RayBlock>()), MemoryHome::Device),
+            spec("ray_place", per_ray(4), MemoryHome::Device),
+        ];
+        specs.extend(self.residency.buffers());
+        specs.extend(Staging::specs(self.staging_half_bytes));
+        specs
+    }
+
+    /// Every pass, in the order of a round, and how often a round dispatches it.
+    pub fn variants(&self, march_dispatches: u32) -> Vec<(Variant, u32)> {
+        let [publish, manage @ ..] = self.residency.variants();
+        let atlases = self.residency.atlases.len() as u32;
+        let resolve = match self.bricks.show_states {
+            true => resolve::states_variant(),
+            false => resolve::variant(),
+        };
+        let mut variants = vec![
+            (publish, 1),
+            (rays::brick_variant(self.views.len(), self.residency.ranks.levels), 1),
+            (self.bricks.variant(), march_dispatches),
+        ];
+        variants.extend(manage.map(|variant| (variant, atlases)));
+        variants.push((resolve, 1));
+        variants
+    }
+}
+
+struct Atlases {
+    plans: Vec<AtlasPlan>,
+    numbers: BrickNumbers,
+}
+
+/// The texel layout of every channel, and the atlases in the layout that suits device and size.
+fn fitting_atlases(
+    gpu: &Gpu,
+    data: &SceneData,
+    settings: &Settings,
+) -> Result<(Vec<TexelLayout>, Atlases)> {
+    let scene = &data.scene;
+    let source = &data.volumes[0];
+    let quads_possible = scene.quality.filter == Filter::Exact
+        && source.shown().all(|channel| channel.format != VoxelFormat::Rgba8);
+    if settings.layout == LayoutChoice::Only(Layout::Quads) && !quads_possible {
+        return Err(Error::arguments(
+            "--layout quads: needs filter \"exact\" and no RGBA channel: use --layout plain",
+        ));
+    }
+    let layouts = |kind| -> Vec<TexelLayout> {
+        source
+            .shown()
+            .map(|channel| TexelLayout::of(channel.format, channel.range, kind))
+            .collect()
+    };
+    let only_quads = settings.layout == LayoutChoice::Only(Layout::Quads);
+    let auto_quads = settings.layout == LayoutChoice::Auto && gpu.facts().kind == "cpu";
+    if quads_possible && (only_quads || auto_quads) {
+        let quads = layouts(Layout::Quads);
+        let atlases = atlases_of(gpu, data, settings, &quads);
+        let enough = |plan: &AtlasPlan| {
+            let slots = plan.layout.slot_count();
+            slots >= QUADS_SLOTS_MIN.min(plan.entry_count) || settings.paging.atlas_slots.is_some()
+        };
+        match atlases {
+            Ok(atlases) if only_quads || atlases.plans.iter().all(enough) => {
+                return Ok((quads, atlases));
+            }
+            Err(why) if only_quads => return Err(why),
+            _ => {}
+        }
+    }
+    let plain = layouts(Layout::Plain);
+    let atlases = atlases_of(gpu, data, settings, &plain)?;
+    Ok((plain, atlases))
+}
+
+fn atlases_of(
+    gpu: &Gpu,
+    data: &SceneData,
+    settings: &Settings,
+    layouts: &[TexelLayout],
+) -> Result<Atlases> {
+    let scene = &data.scene;
+    let (volume, source) = (&scene.volumes[0], &data.volumes[0]);
+    let description = source.source.description();
+    let linear = scene.quality.filter == Filter::Hardware;
+    let mut formats = Vec::new();
+    let mut channels = Vec::new();
+    for (layout, in_source) in layouts.iter().zip(&source.channels) {
+        let format = layout.format;
+        if !gpu.samples(format, linear) {
+            return Err(Error::machine(format!(
+                "device \"{}\" cannot sample{} images of {}: choose another with --device{}",
+                gpu.facts().name,
+                if linear { " and filter" } else { "" },
+                format.name(),
+                if linear { ", or --filter exact" } else { "" }
+            )));
+        }
+        let atlas = formats.iter().position(|known| *known == format).unwrap_or_else(|| {
+            formats.push(format);
+            formats.len() - 1
+        });
+        let in_atlas = channels.iter().filter(|c: &&ChannelPlace| c.atlas == atlas).count() as u32;
+        channels.push(ChannelPlace { in_source: *in_source, atlas, in_atlas });
+    }
+    let numbers = BrickNumbers::new(description, channels, formats.len()).ok_or_else(|| {
+        volume.at(Error::input(format!(
+            "{} voxels in bricks of {} are more bricks than this program numbers: import with larger bricks",
+            description.size(),
+            description.payload
+        )))
+    })?;
+    let (_, slot) = description.brick(description.brick_largest());
+    let slot = slot.to_array();
+    let texels: u64 = slot.iter().map(|edge| u64::from(*edge)).product();
+    let atlas_bytes = scene.memory.atlas_mib << 20;
+    let weight = |atlas: usize| u64::from(numbers.atlas(atlas).1) * formats[atlas].bytes();
+    let weights: u64 = (0..formats.len()).map(weight).sum();
+    let mut plans: Vec<AtlasPlan> = Vec::new();
+    for (atlas, format) in formats.iter().enumerate() {
+        let (entry_first, channels, entry_count) = numbers.atlas(atlas);
+        let bytes_max = atlas_bytes / weights * weight(atlas);
+        let least = (2 * channels).max(2).min(entry_count);
+        let slots_max = settings.paging.atlas_slots.unwrap_or(u32::MAX).min(entry_count);
+        let name = ATLAS_NAMES[atlas];
+        let layout = AtlasLayout::fit(gpu, name, *format, false, slot, slots_max, bytes_max)
+            .filter(|layout| layout.slot_count() >= least.min(slots_max));
+        let Some(layout) = layout else {
+            let needed = u64::from(least) * texels * format.bytes() * weights / weight(atlas);
+            return Err(volume.place.error(format!(
+                "volume \"{}\" needs room for {least} bricks of {} bytes, {} MiB with all its channels, but atlas_mib is {}: raise --atlas-mib or import with smaller bricks",
+                volume.name,
+                texels * format.bytes(),
+                needed.div_ceil(1 << 20),
+                scene.memory.atlas_mib
+            )));
+        };
+        if layout.slot_count() < least {
+            return Err(Error::arguments(format!(
+                "--atlas-slots: the scene needs at least {least}, got {}",
+                layout.slot_count()
+            )));
+        }
+        let slot_first = plans.last().map_or(0, |plan| plan.shape.slot_first + plan.layout.slot_count());
+        let slots_across = [layout.slots[0], layout.slots[1]];
+        let shape = AtlasShape { entry_first, channels, slot_first, slots_across };
+        plans.push(AtlasPlan { layout, shape, entry_count });
+    }
+    Ok(Atlases { plans, numbers })
+}

@@ -1,0 +1,79 @@
+//! How bricks are paged. No setting changes a finished picture.
+
+use std::time::Duration;
+
+/// How voxels come into a slot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CopyPath {
+    /// The transfer role copies from the staging half into the slot.
+    Straight,
+    /// It copies into an upload buffer, from which a compute pass places them.
+    Placed,
+}
+
+impl CopyPath {
+    /// The word used in plans and flags.
+    pub const fn name(self) -> &'static str {
+        match self {
+            CopyPath::Straight => "straight",
+            CopyPath::Placed => "placed",
+        }
+    }
+}
+
+/// Which bricks are loaded first, and which are given up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LoadOrder {
+    /// By the number of bricks from the eye, guarded: each brick about once, and always an end.
+    Guarded,
+    /// As in the papers, by how many rays ask for a brick, least recently used given up: here to show
+    /// that it does not always end.
+    Papers,
+}
+
+/// See the module.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PagingSettings {
+    /// Slots of each atlas at most; nothing: as many as atlas_mib holds.
+    pub atlas_slots: Option<u32>,
+    /// Bricks that a staging half holds at most; nothing: as many as staging_mib holds.
+    pub staging_bricks: Option<u32>,
+    /// Loader threads; nothing: one per core, four at most.
+    pub loaders: Option<u32>,
+    /// How voxels come into a slot; nothing: straight where copies into images are fast.
+    pub copy_path: Option<CopyPath>,
+    /// Whether bricks that show nothing are left out.
+    pub skipping: bool,
+    /// Whether a round waits for what it asked.
+    pub lockstep: bool,
+    /// Whether pictures are tinted by what rays met.
+    pub show_states: bool,
+    /// Which bricks are loaded first.
+    pub order: LoadOrder,
+    /// Without any delivery for so long, what is asked for is given up.
+    pub patience: Duration,
+}
+
+impl Default for PagingSettings {
+    fn default() -> PagingSettings {
+        PagingSettings {
+            atlas_slots: None,
+            staging_bricks: None,
+            loaders: None,
+            copy_path: None,
+            skipping: true,
+            lockstep: true,
+            show_states: false,
+            order: LoadOrder::Guarded,
+            patience: Duration::from_secs(30),
+        }
+    }
+}
+
+impl PagingSettings {
+    /// Loader threads.
+    pub fn loader_count(&self) -> usize {
+        let cores = std::thread::available_parallelism().map_or(2, usize::from);
+        self.loaders.map_or(cores.min(4), |count| count as usize)
+    }
+}
