@@ -37,7 +37,7 @@ fn loaders_have_names() {
 }
 
 #[test]
-fn dropping_joins_the_loaders_and_forgets_what_they_have_not_begun() {
+fn dropping_joins_the_loaders() {
     let source = faulty("shells", Slow(Duration::from_millis(20)));
     let mut loading = loading(&source, limits(2));
     loading.wish(&wishes(&(0..64).map(|n| (n, 0)).collect::<Vec<_>>()));
@@ -46,8 +46,23 @@ fn dropping_joins_the_loaders_and_forgets_what_they_have_not_begun() {
     assert!(start.elapsed() < PATIENCE, "{:?}", start.elapsed());
     // Each loader held the sources: none is left.
     assert_eq!(Arc::strong_count(&source), 1);
-    // One at work per loader, and one more if the stop came just after it was begun.
-    assert!(source.reads() <= 4, "{}", source.reads());
+}
+
+#[test]
+fn dropping_forgets_what_was_handed_over_and_not_begun() {
+    // Whether the stop comes within the first read is up to the machine; once in a while it does, and
+    // never would if loaders did not heed it.
+    let stopped_in_time = || {
+        let source = faulty("shells", Slow(Duration::from_millis(100)));
+        let mut loading = loading(&source, limits(1));
+        loading.wish(&wishes(&[(0, 0), (1, 1)]));
+        while source.reads() < 1 {
+            std::thread::yield_now();
+        }
+        drop(loading);
+        source.reads() == 1
+    };
+    assert!((0..10).any(|_| stopped_in_time()));
 }
 
 #[test]
