@@ -14,7 +14,8 @@ use crate::sources::*;
 
 const OPERATIONS: u32 = 10_000;
 const WISHES_MAX: usize = 24;
-const RAM_BYTES: u64 = 20 * BRICK_BYTES + 1;
+const CACHED_MAX: usize = 20;
+const RAM_BYTES: u64 = CACHED_MAX as u64 * BRICK_BYTES + 1;
 
 /// Numbers that are the same everywhere.
 struct XorShift(u64);
@@ -109,6 +110,8 @@ struct Model {
     /// True: in the list, must come. False: dropped from it, may come once if a loader had it.
     wished: HashMap<BrickId, bool>,
     failed: HashSet<BrickId>,
+    /// What the cache holds, least recently used first: all bricks are equally large.
+    cached: Vec<BrickId>,
     /// True once delivered.
     blocks: HashMap<Block, bool>,
     overflow: u64,
@@ -134,7 +137,15 @@ impl Model {
 
     fn take(&mut self, delivery: &Delivery, sources: &[Arc<Flaky>]) {
         match delivery {
-            Delivery::Brick { id, bytes, .. } => {
+            Delivery::Brick { id, bytes, from_cache } => {
+                let place = self.cached.iter().position(|cached| cached == id);
+                assert_eq!(place.is_some(), *from_cache, "{id}");
+                match place {
+                    Some(place) => _ = self.cached.remove(place),
+                    None if self.cached.len() == CACHED_MAX => _ = self.cached.remove(0),
+                    None => {}
+                }
+                self.cached.push(*id);
                 assert!(self.wished.remove(id).is_some(), "{id} was not wished");
                 let voxel = sources[usize::from(id.volume)].voxel(*id);
                 assert_eq!(bytes.len() as u64, BRICK_BYTES);
@@ -153,6 +164,7 @@ impl Model {
 
     fn forget(&mut self, volume: u16) {
         self.failed.retain(|id| id.volume != volume);
+        self.cached.retain(|id| id.volume != volume);
         self.blocks.retain(|block, delivered| block.volume != volume || !*delivered);
     }
 }
@@ -216,7 +228,8 @@ fn run(seed: u64, loaders: usize, attempts: u32) {
         let live = model.wished.values().filter(|&&must| must).count();
         let asked = model.blocks.values().filter(|&&delivered| !delivered).count();
         assert!(loading.outstanding() >= live + asked);
-        assert!(loading.statistics().cache_bytes <= RAM_BYTES);
+        let cached_bytes = loading.statistics().cache_bytes;
+        assert_eq!(cached_bytes, model.cached.len() as u64 * BRICK_BYTES);
     }
     // What is wished at the end comes without another call but `next`.
     all(&mut loading).iter().for_each(|delivery| model.take(delivery, &sources));

@@ -60,6 +60,23 @@ fn a_better_rank_overtakes_what_no_loader_has() {
 }
 
 #[test]
+fn loaders_run_ahead_of_a_lazy_owner_by_their_bound_alone() {
+    let source = faulty("shells", Failing(0));
+    let mut loading = loading(&source, limits(2));
+    let list = wishes(&(0..64).map(|n| (n, 0)).collect::<Vec<_>>());
+    loading.wish(&list);
+    let bound = 2 * JOBS_PER_LOADER as u64;
+    while source.reads() < bound {
+        std::thread::yield_now();
+    }
+    // All that was handed over has been begun; until something is taken, no more is.
+    loading.wish(&list);
+    assert_eq!(loading.statistics().reads, bound);
+    assert!(loading.next(LONG).is_some());
+    assert_eq!(loading.statistics().reads, bound + 1);
+}
+
+#[test]
 fn one_brick_wished_often_is_read_once() {
     let source = faulty("shells", Stalling::default());
     let mut loading = loading(&source, limits(1));

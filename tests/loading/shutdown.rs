@@ -1,6 +1,7 @@
 //! Threads: their names, and their end.
 
 use std::collections::BTreeSet;
+use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -37,7 +38,7 @@ fn loaders_have_names() {
 }
 
 #[test]
-fn dropping_joins_the_loaders_and_forgets_what_they_have_not_begun() {
+fn dropping_joins_the_loaders() {
     let source = faulty("shells", Slow(Duration::from_millis(20)));
     let mut loading = loading(&source, limits(2));
     loading.wish(&wishes(&(0..64).map(|n| (n, 0)).collect::<Vec<_>>()));
@@ -46,8 +47,23 @@ fn dropping_joins_the_loaders_and_forgets_what_they_have_not_begun() {
     assert!(start.elapsed() < PATIENCE, "{:?}", start.elapsed());
     // Each loader held the sources: none is left.
     assert_eq!(Arc::strong_count(&source), 1);
-    // One at work per loader, and one more if the stop came just after it was begun.
-    assert!(source.reads() <= 4, "{}", source.reads());
+}
+
+#[test]
+fn dropping_forgets_what_was_handed_over_and_not_begun() {
+    // Whether the stop comes within the first read is up to the machine; once in a while it does, and
+    // never would if loaders did not heed it.
+    let stopped_in_time = || {
+        let source = faulty("shells", Slow(Duration::from_millis(100)));
+        let mut loading = loading(&source, limits(1));
+        loading.wish(&wishes(&[(0, 0), (1, 1)]));
+        while source.reads() < 1 {
+            std::thread::yield_now();
+        }
+        drop(loading);
+        source.reads() == 1
+    };
+    assert!((0..10).any(|_| stopped_in_time()));
 }
 
 #[test]
@@ -70,9 +86,14 @@ fn a_stalled_source_does_not_hold_up_dropping() {
         std::thread::yield_now();
     }
     let start = Instant::now();
-    drop(loading);
-    let took = start.elapsed();
-    assert!(took >= PATIENCE && took < LONG, "{took:?}");
+    // Elsewhere, so that a drop that hangs fails this test alone.
+    let (dropped, done) = channel();
+    std::thread::spawn(move || {
+        drop(loading);
+        dropped.send(()).unwrap();
+    });
+    assert!(done.recv_timeout(LONG).is_ok(), "dropping hangs");
+    assert!(start.elapsed() >= PATIENCE);
     assert!(Arc::strong_count(&source) > 1, "the loaders are still inside");
     // Released, they end by themselves and read no more.
     source.fault.go_on();
