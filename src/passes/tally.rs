@@ -20,14 +20,14 @@ pub fn record<'r>(
         .compute(pipeline)
         .uniform("levels", &buffers.levels)
         .read("slot_owner", &buffers.slot_owner)
-        .read("slot_used", &buffers.slot_used)
         .read("wished", &buffers.wished)
         .update("wishes_of_rank", &buffers.wishes_of_rank)
         .update("live_of_rank", &buffers.live_of_rank)
         .update("tallies", &buffers.tallies);
     match (&buffers.wish_weight, &buffers.slot_needed) {
         (Some(weight), _) if substitutes(pipeline) => {
-            dispatch = dispatch.read("wish_weight", weight);
+            // Exact refinement ranks slots without it.
+            dispatch = dispatch.read("wish_weight", weight).read("slot_used", &buffers.slot_used);
         }
         (_, Some(needed)) => {
             dispatch = dispatch.read("slot_needed", needed).read("progress", &buffers.progress);

@@ -1,0 +1,22 @@
+//! The cache: its twins against a naive model, its shaders against the twins over long random runs,
+//! rays through bricks that come and go, and what is claimed of ranks.
+//!
+//! Long runs: `cargo test --test cache -- --include-ignored`. A failure names seed and round.
+
+mod common;
+mod truth;
+
+#[path = "cache/host.rs"]
+mod host;
+#[path = "cache/invariants.rs"]
+mod invariants;
+#[path = "cache/model.rs"]
+mod model;
+#[path = "cache/on_device.rs"]
+mod on_device;
+#[path = "cache/sequences.rs"]
+mod sequences;
+#[path = "cache/twin_round.rs"]
+mod twin_round;
+#[path = "cache/world.rs"]
+mod world;
