@@ -14,6 +14,7 @@ mod info;
 mod interrupt;
 mod load;
 mod output;
+mod paging_flags;
 mod picture_file;
 mod plan;
 mod progress;

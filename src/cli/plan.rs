@@ -27,7 +27,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let settings = arguments.work.settings()?;
     let data = arguments.scene.load()?;
     // Before a device is looked for: drawing directly takes every voxel.
-    data.check_memory()?;
     let gpu = arguments.device.open()?;
     let plan = Plan::new(&gpu, &shader_compiler(), &data, &settings)?;
     if arguments.json {

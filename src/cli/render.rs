@@ -59,7 +59,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let mut data = arguments.scene.load()?;
     keep_views(&mut data.scene.views, &arguments.view)?;
     // Before a device is looked for: drawing directly takes every voxel.
-    data.check_memory()?;
     let gpu = arguments.device.open()?;
     let plan = Plan::new(&gpu, &shader_compiler(), &data, &settings)?;
     let mut renderer = Renderer::new(&gpu, plan, &data)?;

@@ -7,6 +7,7 @@ use clap::Args;
 
 use crate::cli::bare_file;
 use crate::cli::load::{load_scene, load_scene_for_reference};
+use crate::cli::paging_flags::PagingFlags;
 use crate::cli::reading::Reading;
 use crate::error::Result;
 use crate::gpu::{DeviceRequest, Gpu, Instance, ShaderCompiler, Validation};
@@ -119,7 +120,7 @@ impl DeviceFlags {
 #[derive(Args)]
 pub struct WorkFlags {
     /// Largest tile in pixels; a view is drawn tile by tile.
-    #[arg(long, value_name = "WxH", value_parser = pixels, default_value = "512x512", help_heading = "Work")]
+    #[arg(long, value_name = "WxH", value_parser = pixels, default_value = "1024x1024", help_heading = "Work")]
     tile: [u32; 2],
     /// Samples of one ray in one dispatch, at most 32768.
     #[arg(long, default_value_t = 4096, help_heading = "Work")]
@@ -127,6 +128,8 @@ pub struct WorkFlags {
     /// How voxels lie on the device: plain, quads (4 x the memory; fast where the CPU samples), auto.
     #[arg(long, default_value = "auto", value_parser = layout, help_heading = "Work")]
     layout: LayoutChoice,
+    #[command(flatten)]
+    paging: PagingFlags,
 }
 
 impl WorkFlags {
@@ -136,6 +139,8 @@ impl WorkFlags {
             tile: self.tile,
             steps_per_dispatch: self.steps_per_dispatch,
             layout: self.layout,
+            addressing: self.paging.addressing(),
+            paging: self.paging.settings(),
         };
         settings.checked()
     }

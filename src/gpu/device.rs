@@ -232,6 +232,11 @@ impl Gpu {
         slot.get().map_or_else(|| misuse("a role vanished"), Ok)
     }
 
+    /// Whether a time point is reached.
+    pub fn has_reached(&self, point: TimePoint) -> bool {
+        self.role(point.role).is_ok_and(|role| role.reached(&self.device) >= point.value)
+    }
+
     /// Blocks until a time point is reached.
     ///
     /// # Errors

@@ -249,6 +249,11 @@ impl Staging {
         Ok(Some(submitted))
     }
 
+    /// Milliseconds of the copies measured so far.
+    pub fn copy_ms(&self) -> f64 {
+        self.copy_ms
+    }
+
     /// What the host did with the halves since the last flush, whose record holds what was before.
     pub fn take_host_events(&mut self) -> Vec<HostEvent> {
         std::mem::take(&mut self.host)

@@ -1,7 +1,9 @@
 //! What loading did, in numbers.
 
+use serde::Serialize;
+
 /// Counts since the start; `cache_bytes` is of now.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct LoadingStatistics {
     /// Reads handed to loaders, retries included.
     pub reads: u64,

@@ -28,6 +28,8 @@ pub(super) fn draw(
             cast_rays(renderer, pipeline, &mut recorder, tile);
             submitted(&recorder.submit(&renderer.uploaded)?)
         }
+        // Rounds, not one way: see paging::draw.
+        Way::Paged(_) => Ok(()),
         Way::Staged(staged) => {
             let dispatches = renderer.plan.march_dispatches();
             for first in (0..dispatches).step_by(DISPATCHES_PER_SUBMIT as usize) {
@@ -123,7 +125,7 @@ fn resolve_rays<'r>(
 }
 
 impl Renderer {
-    fn recorder(&self) -> Recorder<'_> {
+    pub(super) fn recorder(&self) -> Recorder<'_> {
         Recorder::new(&self.gpu, RoleKind::Render, self.timestamps.as_ref())
     }
 

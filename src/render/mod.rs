@@ -5,6 +5,7 @@
 
 mod frame;
 mod image_layout;
+pub mod paging;
 mod plan;
 mod plan_images;
 mod plan_objects;
@@ -21,8 +22,8 @@ pub use image_layout::{Layout, LayoutChoice, TexelLayout};
 pub use plan::{Plan, PlannedBuffer, PlannedImage, PlannedPass};
 pub use renderer::{Picture, Renderer};
 pub use scene_data::SceneData;
-pub use settings::Settings;
-pub use statistics::{PassTime, Statistics, peak_rss_bytes};
+pub use settings::{Addressing, Settings};
+pub use statistics::{PassTime, Statistics, Unfinished, peak_rss_bytes};
 pub use transfer_segments::{classify_constant, transfer_segments};
 pub use upload::upload;
 pub use volume_data::{VolumeData, check_memory};

@@ -3,18 +3,18 @@
 
 use std::collections::BTreeMap;
 
-use glam::DVec3;
 use serde::Serialize;
 
 use crate::error::{Error, Result};
-use crate::gpu::{BufferSpec, Gpu, ImageSpec, Shader, ShaderCompiler};
+use crate::gpu::{BufferSpec, Gpu, Image, ImageSpec, Shader, ShaderCompiler, Variant};
 use crate::passes::march_shape::{ChannelShape, FilterShape, Shape};
 use crate::passes::{cast, rays, resolve};
 use crate::render::image_layout::TexelLayout;
+use crate::render::paging::{PagingPlan, longest_diagonal_world};
 use crate::render::plan_images::{ChannelFacts, plan_images};
-use crate::render::plan_objects::{copies_of, objects, plan_buffers, queues_text};
+use crate::render::plan_objects::{copies_of, objects, plan_buffers, planned_buffers, queues_text};
 use crate::render::scene_data::SceneData;
-use crate::render::settings::Settings;
+use crate::render::settings::{Addressing, Settings};
 use crate::render::transfer_segments::{classify_constant, transfer_segments};
 use crate::twins::limits::BLOCK_SAMPLES;
 use crate::twins::ray_setup::ViewRays;
@@ -126,6 +126,8 @@ pub struct Plan {
     pub(super) shape: Shape,
     #[serde(skip)]
     pub(super) settings: Settings,
+    #[serde(skip)]
+    pub(super) paging: Option<PagingPlan>,
 }
 
 impl Plan {
@@ -140,18 +142,14 @@ impl Plan {
         settings: &Settings,
     ) -> Result<Plan> {
         let scene = &data.scene;
+        check_views(gpu, scene.views.len())?;
+        if is_paged(gpu, data, settings)? {
+            return Plan::paged(gpu, compiler, data, settings);
+        }
         let (volume, voxels) = data.volume()?;
         let facts: Vec<_> = voxels.channels.iter().map(ChannelFacts::of).collect();
         let mut left_out = LeftOut::default();
 
-        let views_bytes = (scene.views.len() * size_of::<ViewRays>()) as u64;
-        if views_bytes > gpu.facts().uniform_bytes_max {
-            return Err(Error::machine(format!(
-                "the scene has {} views, but this device holds at most {} at once: draw some of them with --view",
-                scene.views.len(),
-                gpu.facts().uniform_bytes_max / size_of::<ViewRays>() as u64
-            )));
-        }
         let (images, texel_layouts) = plan_images(gpu, data, &facts, settings)?;
         let mut segments = Vec::new();
         let mut channels = Vec::new();
@@ -189,26 +187,12 @@ impl Plan {
         let samples_of_ray_max = samples_of_ray_max(&voxels, step_world)?;
         let dispatches = samples_of_ray_max.div_ceil(u64::from(settings.steps_per_dispatch)) as u32;
 
-        let picture = scene.picture.size;
-        let tile: [u32; 2] = std::array::from_fn(|axis| picture[axis].min(settings.tile[axis]));
-        let tiles = picture[0].div_ceil(tile[0]) * picture[1].div_ceil(tile[1]);
+        let (picture, tile, tiles) = tiles_of(scene.picture.size, settings);
         // The longest ray fits one dispatch: no state of rays is kept between passes.
         let one_dispatch = dispatches == 1;
         let buffers = plan_buffers(gpu, data, tile, segments.len(), &images, one_dispatch);
 
-        let pass = |variant, dispatches_per_tile| -> Result<PlannedPass> {
-            let shader = compiler.compile(&variant)?;
-            Ok(PlannedPass {
-                name: variant.shader,
-                defines: variant.defines,
-                bindings: shader.reflection.bindings.iter().map(|b| b.name.clone()).collect(),
-                push_bytes: shader.reflection.push_bytes,
-                spirv_words: shader.spirv.len(),
-                spirv_instructions: shader.reflection.instructions,
-                dispatches_per_tile,
-                shader,
-            })
-        };
+        let pass = |variant, count| PlannedPass::new(compiler, variant, count);
         let views = scene.views.len();
         let passes = if one_dispatch {
             left_out.add(
@@ -252,12 +236,100 @@ impl Plan {
             segments,
             shape,
             settings: *settings,
+            paging: None,
         })
+    }
+
+    /// As [`Plan::new`] where the volume is drawn through an atlas that need not hold all of it.
+    fn paged(
+        gpu: &Gpu,
+        compiler: &ShaderCompiler,
+        data: &SceneData,
+        settings: &Settings,
+    ) -> Result<Plan> {
+        let scene = &data.scene;
+        let paging = PagingPlan::new(gpu, data, settings)?;
+        let samples_of_ray_max = checked_samples(paging.samples_of_ray_max())?;
+        let dispatches = samples_of_ray_max.div_ceil(u64::from(settings.steps_per_dispatch)) as u32;
+        let (picture, tile, tiles) = tiles_of(scene.picture.size, settings);
+        let specs = paging.buffers(u64::from(tile[0]) * u64::from(tile[1]));
+        let buffers = planned_buffers(gpu, specs);
+        let images: Vec<PlannedImage> = paging
+            .residency
+            .atlases
+            .iter()
+            .enumerate()
+            .map(|(atlas, plan)| PlannedImage {
+                name: plan.layout.spec.name,
+                size: plan.layout.spec.size,
+                format: plan.layout.spec.format.name(),
+                layout: paging.layouts[0].layout.name(),
+                memory_bytes: Image::memory_bytes(gpu, &plan.layout.spec),
+                spec: plan.layout.spec,
+                channel: atlas,
+            })
+            .collect();
+        let passes: Vec<PlannedPass> = paging
+            .variants(dispatches)
+            .into_iter()
+            .map(|(variant, count)| PlannedPass::new(compiler, variant, count))
+            .collect::<Result<_>>()?;
+        let mut left_out = LeftOut::default();
+        let several = paging.bricks.several_levels;
+        left_out.of_march(&paging.bricks.march);
+        if !several {
+            left_out.add("change of level along a ray", "each view uses one level");
+        }
+        if !paging.residency.ranks.substitute {
+            left_out.add("weights of wishes, coarser levels for missing bricks", "refine is exact");
+        } else {
+            left_out.add("marks of bricks that waiting rays need", "rays do not wait");
+        }
+        if !paging.bricks.skipping {
+            left_out.add("skipping of bricks that show nothing", "--no-skipping");
+        }
+        let atlas_bytes = images.iter().map(|image| image.memory_bytes).sum();
+        let memory_bytes =
+            atlas_bytes + buffers.iter().map(|buffer| buffer.memory_bytes).sum::<u64>();
+        check_limits(gpu, &buffers, memory_bytes)?;
+        Ok(Plan {
+            device: gpu.facts().name.clone(),
+            driver: gpu.facts().driver.clone(),
+            queues: queues_text(gpu, false),
+            addressing: "paged",
+            picture,
+            tile,
+            tiles,
+            views: scene.views.iter().map(|view| view.name.clone()).collect(),
+            step_world: Some(scene.quality.step * data.world_from_voxel(0).smallest_edge()),
+            samples_of_ray_max,
+            // A scene's rounds are not known before: as many submits and copies as are in flight at once.
+            objects: objects(gpu, &buffers, &images, passes.len() as u64, u64::MAX, u64::MAX),
+            buffers,
+            images,
+            passes,
+            atlas_bytes,
+            memory_bytes,
+            left_out: left_out.0,
+            texel_layouts: Vec::new(),
+            segments: paging.segments.clone(),
+            shape: paging.bricks.march.clone(),
+            settings: *settings,
+            paging: Some(paging),
+        })
+    }
+
+    /// A buffer of the plan.
+    pub(super) fn buffer(&self, name: &str) -> &PlannedBuffer {
+        match self.buffers.iter().find(|buffer| buffer.name == name) {
+            Some(buffer) => buffer,
+            None => unreachable!("every plan lists buffer {name}"),
+        }
     }
 
     /// Dispatches that march each ray of a tile to its end.
     pub(super) fn march_dispatches(&self) -> u32 {
-        let march = self.passes.iter().find(|pass| pass.name == "march");
+        let march = self.passes.iter().find(|pass| pass.name.starts_with("march"));
         march.map_or(1, |pass| pass.dispatches_per_tile)
     }
 
@@ -276,26 +348,84 @@ impl LeftOut {
         self.0.push((what.into(), why.into()));
     }
 
-    fn of_shape(&mut self, shape: &Shape, early_stop: f64, homogeneous: bool) {
-        if homogeneous {
-            self.add("images, sampler, staging, transfer role", "no channel has an image");
-            self.add("steps along the ray", "the medium is homogeneous: one sample is exact");
-        }
-        if !shape.early_stop {
-            let why = if early_stop > 0.0 { "rays have one sample" } else { "early_stop = 0" };
-            self.add("early stop", why);
-        }
+    fn of_march(&mut self, shape: &Shape) {
         if !shape.nan_voxels {
             self.add("test for NaN", "no voxel is NaN");
         }
         if shape.channels.len() == 1 {
             self.add("mixing of channels", "the scene shows one");
         }
+    }
+
+    fn of_shape(&mut self, shape: &Shape, early_stop: f64, homogeneous: bool) {
+        if homogeneous {
+            self.add("images, sampler, staging, transfer role", "no channel has an image");
+            self.add("steps along the ray", "the medium is homogeneous: one sample is exact");
+        }
+        self.of_march(shape);
+        if !shape.early_stop {
+            let why = if early_stop > 0.0 { "rays have one sample" } else { "early_stop = 0" };
+            self.add("early stop", why);
+        }
         self.add(
             "page table, requests, loaders",
             "the volume fits the atlas: addressing is direct",
         );
     }
+}
+
+impl PlannedPass {
+    fn new(compiler: &ShaderCompiler, variant: Variant, count: u32) -> Result<PlannedPass> {
+        let shader = compiler.compile(&variant)?;
+        Ok(PlannedPass {
+            name: variant.shader,
+            defines: variant.defines,
+            bindings: shader.reflection.bindings.iter().map(|b| b.name.clone()).collect(),
+            push_bytes: shader.reflection.push_bytes,
+            spirv_words: shader.spirv.len(),
+            spirv_instructions: shader.reflection.instructions,
+            dispatches_per_tile: count,
+            shader,
+        })
+    }
+}
+
+/// Picture, largest tile, tiles of a view.
+fn tiles_of(picture: [u32; 2], settings: &Settings) -> ([u32; 2], [u32; 2], u32) {
+    let tile: [u32; 2] = std::array::from_fn(|axis| picture[axis].min(settings.tile[axis]));
+    (picture, tile, picture[0].div_ceil(tile[0]) * picture[1].div_ceil(tile[1]))
+}
+
+/// Whether the volume is drawn in pages: asked for, or because level 0 fits neither atlas nor memory.
+fn is_paged(gpu: &Gpu, data: &SceneData, settings: &Settings) -> Result<bool> {
+    match settings.addressing {
+        Addressing::Paged => return Ok(true),
+        Addressing::Direct => return Ok(false),
+        Addressing::Auto => {}
+    }
+    let source = &data.volumes[0];
+    let description = source.source.description();
+    let size = description.size().to_array().map(|edge| edge + 2);
+    let texels = size.iter().map(|edge| u128::from(*edge)).product::<u128>();
+    let voxel_bytes: u128 = source
+        .shown()
+        .filter(|channel| channel.range.least != channel.range.greatest)
+        .map(|channel| channel.format.bytes() as u128)
+        .sum();
+    let fits = texels * voxel_bytes <= u128::from(data.scene.memory.atlas_mib) << 20
+        && size.iter().all(|edge| *edge <= gpu.facts().image_3d_edge_max);
+    Ok(!(fits && data.check_memory().is_ok()))
+}
+
+fn check_views(gpu: &Gpu, views: usize) -> Result<()> {
+    let bytes = (views * size_of::<ViewRays>()) as u64;
+    if bytes > gpu.facts().uniform_bytes_max {
+        return Err(Error::machine(format!(
+            "the scene has {views} views, but this device holds at most {} at once: draw some of them with --view",
+            gpu.facts().uniform_bytes_max / size_of::<ViewRays>() as u64
+        )));
+    }
+    Ok(())
 }
 
 /// Keeps to the device's limits ourselves: lavapipe states them and enforces none.
@@ -320,14 +450,13 @@ fn check_limits(gpu: &Gpu, buffers: &[PlannedBuffer], memory_bytes: u64) -> Resu
 /// An upper bound: the box's longest diagonal in steps.
 fn samples_of_ray_max(voxels: &VolumeVoxels, step_world: Option<f64>) -> Result<u64> {
     let Some(step) = step_world else { return Ok(1) };
-    let size = DVec3::from_array(voxels.size.to_array().map(f64::from));
-    let diagonals = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
-    let longest = diagonals
-        .iter()
-        .map(|&(y, z)| voxels.world_from_voxel.vector(size * DVec3::new(1.0, y, z)).length())
-        .fold(0.0, f64::max);
+    let longest =
+        longest_diagonal_world(voxels.size.to_array().map(f64::from), &voxels.world_from_voxel);
     // A thousandth and one more for rounding in the ray's own arithmetic.
-    let samples = (longest / step * 1.001).ceil() + 1.0;
+    checked_samples((longest / step * 1.001).ceil() + 1.0)
+}
+
+fn checked_samples(samples: f64) -> Result<u64> {
     if samples > SAMPLES_OF_RAY_MAX {
         return Err(Error::input(format!(
             "step asks for {samples:.0} samples along the volume's diagonal, at most {SAMPLES_OF_RAY_MAX:e} are possible: raise step"

@@ -46,6 +46,11 @@ pub(super) fn plan_buffers(
         let half = ((data.scene.memory.staging_mib << 20) / 2).min(largest).max(row);
         specs.extend(Staging::specs(half));
     }
+    planned_buffers(gpu, specs)
+}
+
+/// Buffers with the memory that each takes.
+pub(super) fn planned_buffers(gpu: &Gpu, specs: Vec<BufferSpec>) -> Vec<PlannedBuffer> {
     specs
         .into_iter()
         .map(|spec| PlannedBuffer {

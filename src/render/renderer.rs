@@ -12,7 +12,8 @@ use crate::gpu::{
 };
 use crate::passes::march_shape::FilterShape;
 use crate::render::frame::{self, Tile};
-use crate::render::plan::{DISPATCHES_PER_SUBMIT, Plan, PlannedBuffer};
+use crate::render::paging::{self, Paged};
+use crate::render::plan::{DISPATCHES_PER_SUBMIT, Plan};
 use crate::render::scene_data::SceneData;
 use crate::render::statistics::{Statistics, peak_rss_bytes};
 use crate::render::upload::upload;
@@ -61,6 +62,8 @@ pub(super) enum Way {
     Cast(Arc<ComputePipeline>),
     /// Set up, marched in several dispatches, resolved.
     Staged(Box<Staged>),
+    /// Through the bricks of an atlas, round by round. Taken out while a view is drawn.
+    Paged(Option<Box<Paged>>),
 }
 
 pub(super) struct Staged {
@@ -78,8 +81,8 @@ impl Renderer {
     /// Exit code 4 when the device runs out of memory or is lost.
     pub fn new(gpu: &Arc<Gpu>, plan: Plan, data: &SceneData) -> Result<Renderer> {
         let scene = &data.scene;
-        let (_, voxels) = data.volume()?;
-        let make = |name: &str| Buffer::new(gpu, &planned(&plan, name).spec);
+        let world_from_voxel = data.world_from_voxel(0);
+        let make = |name: &str| Buffer::new(gpu, &plan.buffer(name).spec);
         let buffers = Buffers {
             views: make("views")?,
             transfer: make("transfer")?,
@@ -87,13 +90,13 @@ impl Renderer {
             counters: make("counters")?,
         };
         let frames = scene.views.iter().map(|view| view.ray_frame_world(scene.picture.size));
-        let views: Vec<_> =
-            frames.map(|frame| view_rays(&frame, &voxels.world_from_voxel)).collect();
+        let views: Vec<_> = frames.map(|frame| view_rays(&frame, &world_from_voxel)).collect();
         buffers.views.write(0, bytemuck::cast_slice(&views))?;
         buffers.transfer.write(0, bytemuck::cast_slice(&plan.segments))?;
 
         let pipeline = |index: usize| ComputePipeline::new(gpu, plan.passes[index].shader.clone());
         let way = match plan.passes[..] {
+            _ if plan.paging.is_some() => Way::Paged(None),
             [_] => Way::Cast(pipeline(0)?),
             _ => Way::Staged(Box::new(Staged {
                 rays: pipeline(0)?,
@@ -103,7 +106,10 @@ impl Renderer {
                 ray_state: make("ray_state")?,
             })),
         };
-        let steps = DISPATCHES_PER_SUBMIT + 2;
+        let atlases =
+            plan.paging.as_ref().map_or(0, |paging| paging.residency.atlases.len() as u32);
+        // March, rays and resolve; where bricks are paged, clearing, publishing and managing too.
+        let steps = DISPATCHES_PER_SUBMIT + 2 + if atlases > 0 { 24 + 5 * atlases } else { 0 };
         let timestamps = Timestamps::new(gpu, RoleKind::Render, steps)?;
 
         let mut channels = Vec::new();
@@ -117,7 +123,10 @@ impl Renderer {
                 FilterShape::Fetch | FilterShape::Quads => SamplerFilter::Nearest,
             };
             sampler = Some(Sampler::new(gpu, filter)?);
-            let mut staging = Staging::new(gpu, planned(&plan, "staging_half_0").spec.bytes)?;
+        }
+        if !plan.images.is_empty() && plan.paging.is_none() {
+            let (_, voxels) = data.volume()?;
+            let mut staging = Staging::new(gpu, plan.buffer("staging_half_0").spec.bytes)?;
             for planned in &plan.images {
                 let image = Image::new(gpu, &planned.spec)?;
                 if let Some(layout) = &plan.texel_layouts[planned.channel] {
@@ -130,6 +139,14 @@ impl Renderer {
             }
             upload_ms = staging.finish()?;
         }
+        let volume_size = data.volumes[0].source.description().size().to_array();
+        let way = match plan.paging.clone() {
+            Some(paging) => {
+                let shaders: Vec<_> = plan.passes.iter().map(|pass| pass.shader.clone()).collect();
+                Way::Paged(Some(Box::new(Paged::new(gpu, paging, &shaders, data, &plan)?)))
+            }
+            None => way,
+        };
         Ok(Renderer {
             gpu: gpu.clone(),
             buffers,
@@ -138,7 +155,7 @@ impl Renderer {
             way,
             timestamps,
             uploaded,
-            volume_size: voxels.size.to_array(),
+            volume_size,
             background: scene.picture.background,
             early_stop: scene.quality.early_stop as f32,
             upload_ms,
@@ -168,6 +185,13 @@ impl Renderer {
         progress: &mut dyn FnMut(f64),
     ) -> Result<(Picture, Statistics)> {
         let start = Instant::now();
+        if let Way::Paged(paged) = &mut self.way
+            && let Some(mut paged) = paged.take()
+        {
+            let drawn = self.draw_paged(&mut paged, view, progress);
+            self.way = Way::Paged(Some(paged));
+            return drawn;
+        }
         let mut statistics = Statistics {
             rounds: 1,
             converged: true,
@@ -205,6 +229,42 @@ impl Renderer {
         Ok((Picture { size: self.plan.picture, pixels }, statistics))
     }
 
+    fn draw_paged(
+        &mut self,
+        paged: &mut Paged,
+        view: usize,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<(Picture, Statistics)> {
+        let start = Instant::now();
+        let mut statistics = Statistics {
+            converged: true,
+            device: self.plan.device.clone(),
+            driver: self.plan.driver.clone(),
+            ..Statistics::default()
+        };
+        let [width, height] = self.plan.picture;
+        let mut pixels = vec![[0.0; 4]; width as usize * height as usize];
+        let mut records = Vec::new();
+        let mut converged = true;
+        paged.begin_view();
+        let tiles = self.tiles(view as u32);
+        for (number, tile) in tiles.iter().enumerate() {
+            self.buffers.counters.write(0, &[0; 8])?;
+            let mut part = |of_tile: f64| progress((number as f64 + of_tile) / tiles.len() as f64);
+            paging::draw(self, paged, *tile, &mut statistics, &mut records, &mut part)?;
+            converged &= statistics.converged;
+            statistics.samples += self.collect(*tile, &mut pixels)?;
+        }
+        paged.tell(&mut statistics)?;
+        statistics.converged = converged;
+        statistics.wall_ms = start.elapsed().as_secs_f64() * 1e3;
+        statistics.device_bytes = self.gpu.ledger.bytes();
+        statistics.peak_rss_bytes = peak_rss_bytes();
+        statistics.validation_messages = self.gpu.messages().len() as u64;
+        self.records = records;
+        Ok((Picture { size: self.plan.picture, pixels }, statistics))
+    }
+
     fn tiles(&self, view: u32) -> Vec<Tile> {
         let [width, height] = self.plan.picture;
         let [across, down] = self.plan.tile;
@@ -231,13 +291,6 @@ impl Renderer {
         let mut counters = [0u32; 2];
         self.buffers.counters.read(0, bytemuck::cast_slice_mut(&mut counters))?;
         Ok(u64::from(counters[1]) << 32 | u64::from(counters[0]))
-    }
-}
-
-fn planned<'p>(plan: &'p Plan, name: &str) -> &'p PlannedBuffer {
-    match plan.buffers.iter().find(|buffer| buffer.name == name) {
-        Some(buffer) => buffer,
-        None => unreachable!("every plan lists buffer {name}"),
     }
 }
 

@@ -2,9 +2,10 @@
 
 use crate::error::{Error, Result};
 use crate::render::image_layout::LayoutChoice;
+use crate::render::paging::PagingSettings;
 use crate::twins::limits::BLOCK_SAMPLES;
 
-/// Tile, work per dispatch, layout. A picture's bytes do not depend on the first two; on the layout
+/// Tile, work per dispatch, layout, paging. A picture's bytes do not depend on the first two; on the layout
 /// only with filter `hardware`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
@@ -14,6 +15,21 @@ pub struct Settings {
     pub steps_per_dispatch: u32,
     /// How voxels lie in their image.
     pub layout: LayoutChoice,
+    /// How voxels are addressed.
+    pub addressing: Addressing,
+    /// How bricks are paged, where they are.
+    pub paging: PagingSettings,
+}
+
+/// How voxels are addressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Addressing {
+    /// Directly where level 0 fits the atlas and memory, else in pages.
+    Auto,
+    /// All of level 0 in one image per channel.
+    Direct,
+    /// In bricks, through a page table.
+    Paged,
 }
 
 /// lavapipe of Mesa 22.3 silently ends an invocation after 65,535 turns of all its loops together;
@@ -24,7 +40,13 @@ const TILE_EDGE_MAX: u32 = 4096;
 
 impl Default for Settings {
     fn default() -> Settings {
-        Settings { tile: [512, 512], steps_per_dispatch: 4096, layout: LayoutChoice::Auto }
+        Settings {
+            tile: [1024, 1024],
+            steps_per_dispatch: 4096,
+            layout: LayoutChoice::Auto,
+            addressing: Addressing::Auto,
+            paging: PagingSettings::default(),
+        }
     }
 }
 

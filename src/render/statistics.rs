@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::loading::LoadingStatistics;
+
 /// Time of one pass on the device, summed over all its dispatches.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PassTime {
@@ -11,6 +13,45 @@ pub struct PassTime {
     pub ms: f64,
     /// Dispatches or copies.
     pub count: u64,
+}
+
+/// Why the loop ended before every ray did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case", tag = "reason")]
+pub enum Unfinished {
+    /// What was asked for did not come.
+    Starved {
+        /// Bricks on their way when patience ended.
+        bricks: u64,
+    },
+    /// Every slot is in use, and rays want more.
+    Full {
+        /// Slots of all atlases.
+        slots: u64,
+    },
+    /// Bricks came and went, and no ray moved.
+    Restless {
+        /// For so many rounds.
+        rounds: u64,
+    },
+}
+
+impl std::fmt::Display for Unfinished {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Unfinished::Starved { bricks } => {
+                write!(f, "nothing came while {bricks} bricks were on their way: see to the source")
+            }
+            Unfinished::Full { slots } => write!(
+                f,
+                "all {slots} slots are in use and more bricks are wanted: raise --atlas-mib or use --refine exact"
+            ),
+            Unfinished::Restless { rounds } => write!(
+                f,
+                "bricks came and went for {rounds} rounds and no ray moved: the order of loading stands still"
+            ),
+        }
+    }
 }
 
 /// Statistics of one view.
@@ -26,14 +67,30 @@ pub struct Statistics {
     pub rounds: u64,
     /// Whether no ray waits for a brick.
     pub converged: bool,
-    /// Bricks that the picture depends on; 0 where nothing is paged.
+    /// Why it is not converged, where the loop ended before.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unfinished: Option<Unfinished>,
+    /// Rays that wait for a brick.
+    pub rays_waiting: u64,
+    /// Bricks that rays went through in slots; 0 where nothing is paged.
     pub bricks_needed: u64,
     /// Bricks copied to the device.
     pub bricks_uploaded: u64,
-    /// Bytes of voxels copied to the device for this renderer, before its first view.
+    /// The same by level, 0 first.
+    pub bricks_uploaded_by_level: Vec<u64>,
+    /// Bytes of texels copied to the device; where nothing is paged, before the first view.
     pub bytes_uploaded: u64,
     /// Bricks that could not be read.
     pub bricks_failed: u64,
+    /// Bricks, of those looked at, that the source does not have.
+    pub bricks_absent: u64,
+    /// Bricks, of those looked at, that show nothing.
+    pub bricks_hidden: u64,
+    /// Bricks, of those looked at, of one value.
+    pub bricks_constant: u64,
+    /// What loaders did; absent where nothing is paged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub loading: Option<LoadingStatistics>,
     /// Device memory allocated, bytes.
     pub device_bytes: u64,
     /// Most resident memory of this process so far, bytes; 0 where the system does not say.

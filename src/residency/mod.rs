@@ -17,9 +17,7 @@ mod shape;
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::gpu::{
-    Buffer, BufferRegion, BufferSpec, ComputePipeline, Gpu, Image, Recorder, Shader,
-};
+use crate::gpu::{Buffer, BufferRegion, BufferSpec, ComputePipeline, Gpu, Image, Recorder, Shader};
 use crate::passes::cache_buffers::CacheBuffers;
 use crate::passes::{choose, count, grant, publish, scan, tally};
 use crate::twins::cache::{Answer, Progress};
@@ -224,7 +222,8 @@ impl Residency {
             grant::record(recorder, &self.grant, buffers, self.turn, &cache);
         }
         let progress_bytes = size_of::<Progress>() as u64;
-        let region = |target_offset, bytes| [BufferRegion { source_offset: 0, target_offset, bytes }];
+        let region =
+            |target_offset, bytes| [BufferRegion { source_offset: 0, target_offset, bytes }];
         recorder.copy_regions_to_buffer(
             "report",
             &buffers.progress,

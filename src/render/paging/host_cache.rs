@@ -68,16 +68,22 @@ pub struct HostCache {
     constants_written: usize,
     failed: BTreeMap<BrickId, Error>,
     loaded: HashSet<BrickId>,
+    /// Bricks to be loaded before all else, until they are there or known not to travel.
+    floor: BTreeSet<BrickId>,
+    held: Vec<BrickId>,
+    surveys_pending: usize,
     /// Of this view.
     pub counts: Counts,
 }
 
 impl HostCache {
-    /// Nothing is known yet. `slot_first`: first slot of every atlas.
+    /// Nothing is known yet. `slot_first`: first slot of every atlas; `held`: bricks that are loaded first
+    /// and never given up.
     pub fn new(
         numbers: BrickNumbers,
         judges: HashMap<u16, Judge>,
         slot_first: Vec<u32>,
+        held: Vec<BrickId>,
     ) -> HostCache {
         HostCache {
             numbers,
@@ -93,6 +99,9 @@ impl HostCache {
             constants_written: 0,
             failed: BTreeMap::new(),
             loaded: HashSet::new(),
+            floor: held.iter().copied().collect(),
+            held,
+            surveys_pending: 0,
             counts: Counts::default(),
         }
     }
@@ -129,16 +138,19 @@ impl HostCache {
         }
         self.wanted.sort_by_key(|(rank, _)| *rank);
         blocks.iter().for_each(|block| _ = self.surveyed.insert(*block, Vec::new()));
+        self.surveys_pending += blocks.len();
         blocks.into_iter().collect()
     }
 
     /// Wants these bricks before all else.
-    pub fn want_first(&mut self, bricks: impl Iterator<Item = BrickId>) -> Vec<Block> {
-        let mut first: Vec<_> = bricks.map(|id| (0, id)).collect();
+    pub fn want_first(&mut self, bricks: Vec<BrickId>) -> Vec<Block> {
+        let mut first: Vec<_> = bricks.into_iter().map(|id| (0, id)).collect();
         let mut blocks: Vec<_> = first.iter().map(|(_, id)| Block::of(*id)).collect();
         blocks.sort();
         blocks.dedup();
-        blocks.retain(|block| self.surveyed.insert(*block, Vec::new()).is_none());
+        blocks.retain(|block| !self.surveyed.contains_key(block));
+        blocks.iter().for_each(|block| _ = self.surveyed.insert(*block, Vec::new()));
+        self.surveys_pending += blocks.len();
         first.append(&mut self.wanted);
         self.wanted = first;
         blocks
@@ -177,11 +189,16 @@ impl HostCache {
                 },
             };
             travels.push(value.is_none());
+            if value.is_some() {
+                self.floor.remove(id);
+            }
             if let Some(value) = value {
                 self.update(Update { entry: number, value, slot: OWNER_FREE, owner: OWNER_FREE });
             }
         }
-        self.surveyed.insert(block, travels);
+        if self.surveyed.insert(block, travels).is_some_and(|known| known.is_empty()) {
+            self.surveys_pending -= 1;
+        }
     }
 
     fn constant(&mut self, texel: [f32; 4]) -> Option<u32> {
@@ -207,6 +224,16 @@ impl HostCache {
         let first = std::mem::replace(&mut self.constants_written, self.constant_texels.len());
         let new = &self.constant_texels[first..];
         (!new.is_empty()).then_some((first, new))
+    }
+
+    /// Bricks of the floor that are neither there nor on their way.
+    pub fn floor_wanted(&self) -> Vec<BrickId> {
+        self.floor.iter().filter(|id| !self.bound.contains_key(id)).copied().collect()
+    }
+
+    /// Blocks that were asked for and are not known yet.
+    pub fn surveys_pending(&self) -> usize {
+        self.surveys_pending
     }
 
     /// Binds wanted bricks to granted slots, most urgent first. `expected`: rays shall not ask for them
@@ -300,6 +327,7 @@ impl HostCache {
             slot,
             owner: number,
         });
+        self.floor.remove(&id);
         self.counts.uploaded += 1;
         self.counts.uploaded_bytes += bytes;
         let level = usize::from(id.level);
@@ -316,6 +344,7 @@ impl HostCache {
             self.pool[atlas].push(slot);
         }
         self.failed.insert(id, why);
+        self.floor.remove(&id);
         if let Some(number) = self.numbers.entry(id) {
             let value = entry(ENTRY_FAILED, 0);
             self.update(Update { entry: number, value, slot: OWNER_FREE, owner: OWNER_FREE });
@@ -335,6 +364,7 @@ impl HostCache {
         }
         // Surveys that never came are asked for again.
         self.surveyed.retain(|_, known| !known.is_empty());
+        self.surveys_pending = 0;
         given_up.into_iter().map(|(id, _)| id).collect()
     }
 
@@ -363,6 +393,8 @@ impl HostCache {
         self.wanted.clear();
         self.updates.clear();
         self.failed.clear();
+        self.surveys_pending = 0;
+        self.floor = self.held.iter().copied().collect();
     }
 
     fn update(&mut self, update: Update) {

@@ -23,3 +23,4 @@ pub use view_levels::ViewLevels;
 pub(super) use paged::Paged;
 pub(super) use plan::PagingPlan;
 pub(super) use rounds::draw;
+pub(super) use view_levels::longest_diagonal_world;

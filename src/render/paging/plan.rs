@@ -1,6 +1,7 @@
 //! What paging a volume takes: atlases, levels of every view, shapes of shaders, sizes of lists.
 
 use std::collections::HashMap;
+use std::ops::Range;
 
 use crate::error::{Error, Result};
 use crate::gpu::{BufferSpec, Gpu, MemoryHome, Staging, Variant};
@@ -18,11 +19,12 @@ use crate::render::settings::Settings;
 use crate::render::transfer_segments::transfer_segments;
 use crate::residency::{AtlasLayout, AtlasPlan, ResidencyShape};
 use crate::scene::{Filter, Refine};
+use crate::source::Description;
 use crate::twins::ray::{RayGeometry, RayState};
 use crate::twins::ray_block::RayBlock;
 use crate::twins::ray_setup::ViewRays;
 use crate::twins::transfer::TransferSegment;
-use crate::volume::VoxelFormat;
+use crate::volume::{BrickId, VoxelFormat};
 
 /// Names of atlases, in the order of the scene's first channel of each texel format.
 const ATLAS_NAMES: [&str; 4] = ["atlas_0", "atlas_1", "atlas_2", "atlas_3"];
@@ -50,6 +52,8 @@ pub struct PagingPlan {
     pub residency: ResidencyShape,
     /// Of march_bricks.
     pub bricks: BrickShape,
+    /// Bricks that are loaded first and never given up; substitute refinement alone.
+    pub held: Vec<BrickId>,
     /// Of one staging half.
     pub staging_half_bytes: u64,
 }
@@ -89,7 +93,7 @@ impl PagingPlan {
         let world_from_voxel = data.world_from_voxel(0);
         let quality = (scene.quality.step, scene.quality.level_max);
         let size = scene.picture.size;
-        let views: Vec<ViewLevels> = scene
+        let mut views: Vec<ViewLevels> = scene
             .views
             .iter()
             .map(|view| {
@@ -97,9 +101,17 @@ impl PagingPlan {
             })
             .collect();
         let substitute = scene.quality.refine == Refine::Substitute;
+        let held = if substitute { floor(description, &atlases.plans) } else { 0..0 };
+        for level in held.clone() {
+            views.iter_mut().for_each(|view| view.levels[usize::from(level)].held = 1);
+        }
+        let of_floor =
+            |id: &BrickId| held.contains(&id.level) && source.channels.contains(&id.channel);
+        let held = description.bricks().filter(of_floor).collect();
         let ranks = RankShape { levels: description.levels.count() as u32, substitute };
         let places = numbers.channels.iter().map(|place| (place.atlas, place.in_atlas)).collect();
-        let slots_max = atlases.plans.iter().map(|plan| plan.layout.slot_count()).max().unwrap_or(1);
+        let slots_max =
+            atlases.plans.iter().map(|plan| plan.layout.slot_count()).max().unwrap_or(1);
         let slot = atlases.plans[0].layout.slot;
         let residency = ResidencyShape {
             ranks,
@@ -142,6 +154,7 @@ impl PagingPlan {
             segments,
             residency,
             bricks,
+            held,
             staging_half_bytes: half.clamp(brick_bytes, all_slots.max(brick_bytes)),
         })
     }
@@ -195,6 +208,19 @@ impl PagingPlan {
     }
 }
 
+/// The coarsest levels that together take an eighth of every atlas at most: the floor.
+fn floor(description: &Description, atlases: &[AtlasPlan]) -> Range<u8> {
+    let count = description.levels.count() as u8;
+    let fits = |level: u8| {
+        let bricks = |level| description.grid(level).map_or(0, |grid| grid.bricks().voxel_count());
+        let places: u128 = (level..count).map(bricks).sum();
+        atlases.iter().all(|atlas| {
+            places * u128::from(atlas.shape.channels) <= u128::from(atlas.layout.slot_count() / 8)
+        })
+    };
+    (0..count).find(|level| fits(*level)).unwrap_or(count)..count
+}
+
 struct Atlases {
     plans: Vec<AtlasPlan>,
     numbers: BrickNumbers,
@@ -216,10 +242,7 @@ fn fitting_atlases(
         ));
     }
     let layouts = |kind| -> Vec<TexelLayout> {
-        source
-            .shown()
-            .map(|channel| TexelLayout::of(channel.format, channel.range, kind))
-            .collect()
+        source.shown().map(|channel| TexelLayout::of(channel.format, channel.range, kind)).collect()
     };
     let only_quads = settings.layout == LayoutChoice::Only(Layout::Quads);
     let auto_quads = settings.layout == LayoutChoice::Auto && gpu.facts().kind == "cpu";
@@ -311,7 +334,8 @@ fn atlases_of(
                 layout.slot_count()
             )));
         }
-        let slot_first = plans.last().map_or(0, |plan| plan.shape.slot_first + plan.layout.slot_count());
+        let slot_first =
+            plans.last().map_or(0, |plan| plan.shape.slot_first + plan.layout.slot_count());
         let slots_across = [layout.slots[0], layout.slots[1]];
         let shape = AtlasShape { entry_first, channels, slot_first, slots_across };
         plans.push(AtlasPlan { layout, shape, entry_count });

@@ -50,6 +50,9 @@ pub struct PagingSettings {
     pub show_states: bool,
     /// Which bricks are loaded first.
     pub order: LoadOrder,
+    /// Whether the records of all submits are kept, with what they do to slots: for the simulation of
+    /// two queues. They grow with every round.
+    pub keep_records: bool,
     /// Without any delivery for so long, what is asked for is given up.
     pub patience: Duration,
 }
@@ -65,6 +68,7 @@ impl Default for PagingSettings {
             lockstep: true,
             show_states: false,
             order: LoadOrder::Guarded,
+            keep_records: false,
             patience: Duration::from_secs(30),
         }
     }

@@ -50,7 +50,8 @@ impl Judge {
             Voxels::Rgba8(v) => v[0].map(|part| f32::from(part) / 255.0),
             Voxels::F32(v) if v[0].is_nan() => return Shows::Hidden,
             Voxels::F32(v) => {
-                let relative = (f64::from(sanitized(v[0])) - self.layout.offset) / self.layout.scale;
+                let relative =
+                    (f64::from(sanitized(v[0])) - self.layout.offset) / self.layout.scale;
                 [relative as f32; 4]
             }
         };

@@ -1,0 +1,334 @@
+//! The loop: a round on the device, then what it asked for, until no ray waits.
+
+use std::time::{Duration, Instant};
+
+use crate::error::Result;
+use crate::gpu::{HostEvent, Record, Submitted, TimePoint, Timestamps};
+use crate::loading::Delivery;
+use crate::render::frame::Tile;
+use crate::render::paging::paged::{Paged, Round, annotate_grants};
+use crate::render::plan::Plan;
+use crate::render::renderer::Renderer;
+use crate::render::statistics::{Statistics, Unfinished};
+use crate::residency::{Allowance, Report};
+use crate::twins::cache::Progress;
+use crate::twins::limits::RANK_NONE;
+
+/// Rounds in which nothing at all changes, after which the loop says that it stands still.
+const STILL_ROUNDS_MAX: u32 = 3;
+/// Rounds in which bricks come and go and no ray moves, after which it says so too.
+const RESTLESS_ROUNDS_MAX: u32 = 64;
+/// How long the host waits for deliveries at a time while the device works.
+const GLANCE: Duration = Duration::from_micros(200);
+
+/// Draws a tile of a view through the atlas; its pixels and samples are then in the buffers.
+pub fn draw(
+    renderer: &Renderer,
+    paged: &mut Paged,
+    tile: Tile,
+    statistics: &mut Statistics,
+    records: &mut Vec<Record>,
+    progress: &mut dyn FnMut(f64),
+) -> Result<()> {
+    let mut rounds = Rounds {
+        renderer,
+        paged,
+        tile,
+        statistics,
+        records,
+        forget: true,
+        still: 0,
+        restless: 0,
+        farthest: 0,
+        asked: Instant::now(),
+    };
+    rounds.turn(progress)?;
+    let submitted = renderer.submit_resolve(rounds.paged, tile)?;
+    rounds.ended(submitted)
+}
+
+struct Rounds<'a> {
+    renderer: &'a Renderer,
+    paged: &'a mut Paged,
+    tile: Tile,
+    statistics: &'a mut Statistics,
+    records: &'a mut Vec<Record>,
+    forget: bool,
+    still: u32,
+    restless: u32,
+    /// Greatest front so far: for progress.
+    farthest: u32,
+    asked: Instant,
+}
+
+impl Rounds<'_> {
+    fn turn(&mut self, progress: &mut dyn FnMut(f64)) -> Result<()> {
+        let plan = &self.renderer.plan;
+        let substitute = self.substitute();
+        self.paged.look_through(self.tile.view as usize)?;
+        let mut first = true;
+        loop {
+            let point = self.round(first || substitute)?;
+            first = false;
+            if plan.settings.paging.lockstep {
+                self.renderer.gpu.wait(point)?;
+            } else {
+                // Beside the device: loaders deliver, and copies go out, while it marches.
+                while self.paged.loading.outstanding() > 0 && !self.renderer.gpu.has_reached(point)
+                {
+                    self.take_deliveries(GLANCE)?;
+                }
+                self.renderer.gpu.wait(point)?;
+            }
+            let report = self.take_report(point)?;
+            self.statistics.rounds += 1;
+            self.show_progress(&report, progress);
+            if self.is_finished(&report, substitute) {
+                return Ok(());
+            }
+            self.ask(&report)?;
+            if plan.settings.paging.lockstep {
+                self.wait_for_all()?;
+            } else if report.progress.moved == 0 {
+                // Nothing to march until something comes.
+                self.take_deliveries(Duration::from_millis(2))?;
+            }
+            if self.stands_still(&report) {
+                return Ok(());
+            }
+        }
+    }
+
+    fn substitute(&self) -> bool {
+        self.paged.plan.residency.ranks.substitute
+    }
+
+    /// Submits one round.
+    fn round(&mut self, first: bool) -> Result<TimePoint> {
+        let plan: &Plan = &self.renderer.plan;
+        let allowances: Vec<_> = (0..self.paged.plan.residency.atlases.len())
+            .map(|atlas| self.allowance(atlas))
+            .collect();
+        let round = Round {
+            tile: self.tile,
+            first,
+            forget: std::mem::take(&mut self.forget),
+            allowances: &allowances,
+            level: self.paged.plan.views[self.tile.view as usize].in_use[0],
+        };
+        let keep = plan.settings.paging.keep_records;
+        let (statistics, records) = (&mut *self.statistics, &mut *self.records);
+        let timestamps = self.renderer.timestamps.as_ref();
+        let gpu = &self.renderer.gpu;
+        let several = plan.march_dispatches() > crate::render::plan::DISPATCHES_PER_SUBMIT;
+        let mut last: Option<Submitted> = None;
+        let point = self.renderer.submit_round(self.paged, &round, |submitted| {
+            // One set of timestamps: the submit before must have ended.
+            if let Some(before) = last.replace(submitted.clone()).filter(|_| several) {
+                gpu.wait(before.point)?;
+                add_times(timestamps, statistics);
+            }
+            if keep {
+                records.push(submitted.record);
+            }
+            Ok(())
+        })?;
+        Ok(point)
+    }
+
+    /// What one round may take of an atlas: no more slots than staging, loaders and guard can use.
+    fn allowance(&self, atlas: usize) -> Allowance {
+        let slots = self.paged.plan.residency.atlases[atlas].layout.slot_count();
+        let held = self.paged.host.pool_count(atlas);
+        let channels = self.paged.plan.residency.atlases[atlas].shape.channels;
+        let lockstep = self.renderer.plan.settings.paging.lockstep;
+        let bound = self.paged.host.bound_count() as u32;
+        // Free-running, rays use what is there while other slots are filled.
+        let most = if lockstep { slots } else { (slots / 2).max(channels) };
+        let live_max = if self.substitute() { slots } else { (slots / 2).max(channels) };
+        Allowance { grants_max: most.saturating_sub(held + bound), live_max }
+    }
+
+    fn take_report(&mut self, point: TimePoint) -> Result<Report> {
+        add_times(self.renderer.timestamps.as_ref(), self.statistics);
+        let report = self.paged.residency.report()?;
+        if self.renderer.plan.settings.paging.keep_records {
+            let grants: Vec<_> =
+                report.atlases.iter().flat_map(|atlas| atlas.grants.iter().copied()).collect();
+            grants.iter().for_each(|slot| _ = self.paged.readable.remove(slot));
+            if let Some(last) = self.records.last_mut() {
+                annotate_grants(last, &grants);
+            }
+            self.records.push(Record::of_host(vec![HostEvent::Waited(point)]));
+        }
+        for atlas in &report.atlases {
+            self.statistics.bricks_needed += u64::from(atlas.answer.touched);
+        }
+        Ok(report)
+    }
+
+    fn is_finished(&mut self, report: &Report, substitute: bool) -> bool {
+        let Progress { waiting, running, .. } = report.progress;
+        let wished: u32 = report.atlases.iter().map(|atlas| atlas.answer.wished).sum();
+        self.statistics.rays_waiting = u64::from(waiting);
+        let finished = waiting == 0 && running == 0 && (!substitute || wished == 0);
+        self.statistics.converged = finished;
+        finished
+    }
+
+    /// Turns what the round reported into surveys, slots kept and wishes.
+    fn ask(&mut self, report: &Report) -> Result<()> {
+        let mut blocks = self.paged.host.take_report(report);
+        if self.substitute() {
+            let floor = self.paged.host.floor_wanted();
+            blocks.extend(self.paged.host.want_first(floor));
+        }
+        self.paged.loading.survey(&blocks);
+        if self.renderer.plan.settings.paging.lockstep {
+            self.wait_for_surveys()?;
+        }
+        self.bind_and_wish();
+        Ok(())
+    }
+
+    fn bind_and_wish(&mut self) {
+        let paging = &self.renderer.plan.settings.paging;
+        let Paged { host, description, loading, .. } = &mut *self.paged;
+        host.bind(!paging.lockstep, |level| description.grid(level));
+        // Beyond the slots kept: into the RAM cache, so that loaders are not idle.
+        let ahead = if paging.lockstep { 0 } else { 2 * paging.loader_count() };
+        loading.wish(&host.wishes(ahead));
+    }
+
+    fn wait_for_surveys(&mut self) -> Result<()> {
+        self.asked = Instant::now();
+        while self.paged.host.surveys_pending() > 0 && self.paged.loading.outstanding() > 0 {
+            if !self.deliver(Duration::from_millis(50))? && self.gave_up() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Lockstep: everything that slots are kept for comes, and is copied.
+    fn wait_for_all(&mut self) -> Result<()> {
+        self.asked = Instant::now();
+        while self.paged.host.bound_count() > self.paged.staged_count()
+            && self.paged.loading.outstanding() > 0
+        {
+            if !self.deliver(Duration::from_millis(50))? && self.gave_up() {
+                break;
+            }
+        }
+        self.flush()
+    }
+
+    /// Free-running: whatever has come, waiting `timeout` for the first of it.
+    fn take_deliveries(&mut self, timeout: Duration) -> Result<()> {
+        let mut wait = timeout;
+        let mut came = false;
+        while self.deliver(wait)? {
+            came = true;
+            wait = Duration::ZERO;
+        }
+        if came {
+            // First what has come, so that it is not wished for again.
+            self.flush()?;
+            self.bind_and_wish();
+        }
+        Ok(())
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        let keep = self.renderer.plan.settings.paging.keep_records;
+        self.paged.flush(keep.then_some(&mut *self.records))
+    }
+
+    /// Takes one delivery; false when none came in time.
+    fn deliver(&mut self, timeout: Duration) -> Result<bool> {
+        let Some(delivery) = self.paged.loading.next(timeout) else { return Ok(false) };
+        self.asked = Instant::now();
+        match delivery {
+            Delivery::Surveyed { block, entries } => {
+                self.paged.host.take_survey(block, &entries);
+            }
+            Delivery::Failed { id, why } => self.paged.host.failed(id, why),
+            Delivery::Brick { id, bytes, .. } => {
+                // What no slot is kept for stays in the RAM cache.
+                if let Some(slot) = self.paged.host.slot_of(id)
+                    && !self.paged.stage(id, slot, &bytes)?
+                {
+                    self.flush()?;
+                    self.paged.stage(id, slot, &bytes)?;
+                }
+            }
+        }
+        Ok(true)
+    }
+
+    /// Nothing has come for longer than patience lasts: what is on its way is given up.
+    fn gave_up(&mut self) -> bool {
+        if self.asked.elapsed() < self.renderer.plan.settings.paging.patience {
+            return false;
+        }
+        let given_up = self.paged.host.give_up();
+        self.statistics.unfinished = Some(Unfinished::Starved { bricks: given_up.len() as u64 });
+        true
+    }
+
+    fn stands_still(&mut self, report: &Report) -> bool {
+        if self.statistics.unfinished.is_some() {
+            return true;
+        }
+        let underway = self.paged.loading.outstanding() > 0 || self.paged.host.has_updates();
+        let moved = report.progress.moved > 0 && !self.substitute();
+        self.still = if moved || underway { 0 } else { self.still + 1 };
+        let loaded = self.paged.host.has_updates();
+        self.restless = match (moved || self.substitute(), loaded) {
+            (true, _) => 0,
+            (false, true) => self.restless + 1,
+            (false, false) => self.restless,
+        };
+        if underway
+            && !self.renderer.plan.settings.paging.lockstep
+            && self.asked.elapsed() > self.renderer.plan.settings.paging.patience
+            && self.gave_up()
+        {
+            return true;
+        }
+        let granted: usize = report.atlases.iter().map(|atlas| atlas.grants.len()).sum();
+        if self.still >= STILL_ROUNDS_MAX && granted == 0 {
+            self.statistics.unfinished =
+                Some(Unfinished::Full { slots: self.paged.plan.residency.slots().into() });
+        } else if self.restless >= RESTLESS_ROUNDS_MAX {
+            self.statistics.unfinished =
+                Some(Unfinished::Restless { rounds: RESTLESS_ROUNDS_MAX.into() });
+        }
+        self.statistics.unfinished.is_some()
+    }
+
+    fn show_progress(&mut self, report: &Report, progress: &mut dyn FnMut(f64)) {
+        let front = report.progress.front;
+        if front != RANK_NONE {
+            self.farthest = self.farthest.max(front);
+        }
+        let ranks = self.paged.plan.views[self.tile.view as usize].ranks;
+        progress(f64::from(self.farthest) / f64::from(ranks));
+    }
+
+    fn ended(&mut self, submitted: Submitted) -> Result<()> {
+        self.renderer.gpu.wait(submitted.point)?;
+        add_times(self.renderer.timestamps.as_ref(), self.statistics);
+        if self.renderer.plan.settings.paging.keep_records {
+            self.records.push(submitted.record);
+            self.records.push(Record::of_host(vec![HostEvent::Waited(submitted.point)]));
+        }
+        Ok(())
+    }
+}
+
+fn add_times(timestamps: Option<&Timestamps>, statistics: &mut Statistics) {
+    for (pass, ms) in timestamps.iter().flat_map(|timestamps| timestamps.step_ms()).flatten() {
+        statistics.add_step(pass, ms);
+    }
+}
