@@ -13,11 +13,11 @@
 // updates  page_table        [entry]    owners of granted slots are unmapped
 //          slot_owner        [slot]     entry whose brick the slot holds
 //          wished            [word]     one bit per entry; none afterwards
-//          wish_weight       [entry]    what the brick would add; 0 afterwards; substitute refinement alone
+//          wish_weight       [entry]    what the brick would add; 0 afterwards; WEIGHTS alone
 //          touched           [word]     one bit per entry that rays have used
 //          answers           [atlas]    how many they have used for the first time
 // shape    one thread per chunk of slots, then one per chunk of wishes, 64 x 1 x 1
-// variants LEVELS; SUBSTITUTE: wishes are ranked by weight, slots by use alone
+// variants LEVELS; WEIGHTS: wishes are ranked by weight; SUBSTITUTE, PAPERS: slots by use alone
 // twin     src/twins/grant.rs
 // source   gpu-paging-2019 section 5.3: usage order by stream compaction; DESIGN section 5: grants
 #version 460
@@ -39,7 +39,7 @@ layout(std430) writeonly buffer usage_order_next { uint slot_of_order_next[]; };
 layout(std430) buffer page_table { uint entries[]; };
 layout(std430) buffer slot_owner { uint owner_of_slot[]; };
 layout(std430) buffer wished { uint wishes_in_word[]; };
-#ifdef SUBSTITUTE
+#ifdef WEIGHTS
 layout(std430) buffer wish_weight { uint weight_of_entry[]; };
 #endif
 layout(std430) buffer touched { uint touched_in_word[]; };
@@ -107,7 +107,7 @@ void list_requests(CacheRound cache, uint chunk, uint request) {
                 }
                 request += 1u;
             }
-#ifdef SUBSTITUTE
+#ifdef WEIGHTS
             weight_of_entry[cache.entry_first + entry] = 0u;
 #endif
         }

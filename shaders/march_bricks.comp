@@ -14,7 +14,7 @@
 //          ray_block     [ray]      the block of samples that the ray is in
 //          ray_place     [ray]      where it waits
 //          wished        [word]     one bit per entry
-//          wish_weight   [entry]    what the brick would add; substitute refinement alone
+//          wish_weight   [entry]    what the brick would add; WEIGHTS alone
 //          progress      [number]   front of the rays, and how many wait
 // shape    one thread per ray of the tile, 8 x 8 x 1
 // spaces   as common/brick_march.glsl

@@ -6,12 +6,12 @@
 //          slot_used       [slot]    round in which a ray last used it
 //          slot_needed     [slot]    round in which a waiting ray last needed it; exact refinement alone
 //          wished          [word]    one bit per entry
-//          wish_weight     [entry]   what the brick would add; substitute refinement alone
+//          wish_weight     [entry]   what the brick would add; WEIGHTS alone
 // updates  wishes_of_rank  [rank]
 //          live_of_rank    [rank]    slots that may be needed again
 //          tallies         [number]
 // shape    one thread per chunk of slots, then one per chunk of wishes, 64 x 1 x 1
-// variants LEVELS; SUBSTITUTE: wishes are ranked by weight, slots by use alone
+// variants LEVELS; WEIGHTS: wishes are ranked by weight; SUBSTITUTE, PAPERS: slots by use alone
 // twin     src/twins/tally.rs
 // source   gpu-paging-2019 section 5.2 counts requests by stream compaction; ranks as common/ranks.glsl
 #version 460
@@ -30,7 +30,7 @@ layout(std430) buffer live_of_rank { uint live_of[]; };
 layout(std430) buffer tallies { Tallies tally; };
 layout(std430) readonly buffer slot_owner { uint owner_of_slot[]; };
 layout(std430) readonly buffer wished { uint wishes_in_word[]; };
-#ifdef SUBSTITUTE
+#ifdef WEIGHTS
 layout(std430) readonly buffer wish_weight { uint weight_of_entry[]; };
 #endif
 layout(push_constant) uniform Push { CacheRound cache; } push;

@@ -6,16 +6,19 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::mem::{offset_of, size_of};
 use std::path::Path;
 
-use ashfall::gpu::{Binding, BindingKind, Member, Reflection, Shader, ShaderCompiler, Variant};
+use ashfall::gpu::{
+    Binding, BindingKind, ImageFormat, Member, Reflection, Shader, ShaderCompiler, Variant,
+};
 use ashfall::passes::brick_shape::{AtlasShape, BrickShape};
-use ashfall::passes::cache_buffers::RankShape;
+use ashfall::passes::cache_buffers::{RankOrder, RankShape};
 use ashfall::passes::march_shape::{ChannelShape, FilterShape, Shape};
 use ashfall::passes::probe::{self, ProbeShape};
 use ashfall::passes::{
-    SOURCES, cast, choose, count, grant, march, publish, rays, resolve, scan, tally,
+    SOURCES, cast, choose, count, grant, march, place, publish, rays, resolve, scan, tally,
 };
 use ashfall::twins;
 use ashfall::twins::cache::{Answer, CacheRound, Choice, ChunkCounts, Progress, Tallies};
+use ashfall::twins::place::Placement;
 use ashfall::twins::publish::Update;
 use ashfall::twins::ranks::LevelView;
 use ashfall::twins::ray::{RayGeometry, RayState};
@@ -143,6 +146,7 @@ fn push(shader: &str) -> Host {
             round,
             last,
         }),
+        "place" => host!(twins::place::Push { texels_max, first_placement }),
         "publish" => host!(twins::publish::Push { update_count }),
         "tally" | "choose" | "count" | "scan" | "grant" => host!(CacheRound {
             round,
@@ -186,6 +190,7 @@ fn elements(buffer: &str) -> Option<Host> {
         "ray_block" => {
             Some(host!(RayBlock { color, depth, transmitted, sample_index, level, met }))
         }
+        "placements" => Some(host!(Placement { start, first_word, size, unused_0 })),
         "updates" => Some(host!(Update { entry, value, slot, owner })),
         "answers" => Some(host!(Answer {
             wished,
@@ -210,7 +215,7 @@ fn elements(buffer: &str) -> Option<Host> {
         // Plain numbers: one u32 each, vec4 of a constant, entry and rank of a request.
         "page_table" | "slot_owner" | "slot_used" | "slot_needed" | "usage_order"
         | "usage_order_next" | "wished" | "wish_weight" | "touched" | "wishes_of_rank"
-        | "live_of_rank" | "grants" | "requests" | "constants" | "ray_place" => None,
+        | "live_of_rank" | "upload" | "grants" | "requests" | "constants" | "ray_place" => None,
         // One struct, not an array: compared below.
         "progress" | "tallies" | "choice" => None,
         // Plain numbers: vec4 pixels, two counters, one sum a line.
@@ -263,7 +268,7 @@ fn brick_shapes() -> Vec<BrickShape> {
         march: shape(&[SCALAR], FilterShape::Quads),
         places: vec![(0, 0)],
         atlases: vec![atlas(0)],
-        ranks: RankShape { levels: 1, substitute: false },
+        ranks: RankShape { levels: 1, order: RankOrder::Guarded },
         several_levels: false,
         views: 1,
         skipping: false,
@@ -279,7 +284,7 @@ fn brick_shapes() -> Vec<BrickShape> {
         },
         places: vec![(0, 0), (1, 0)],
         atlases: vec![atlas(0), atlas(64)],
-        ranks: RankShape { levels: 4, substitute: false },
+        ranks: RankShape { levels: 4, order: RankOrder::Guarded },
         several_levels: true,
         views: 2,
         skipping: true,
@@ -289,9 +294,13 @@ fn brick_shapes() -> Vec<BrickShape> {
     vec![
         BrickShape { march: shape(&[SCALAR], FilterShape::Sampler), ..plain.clone() },
         BrickShape { skipping: true, ..plain.clone() },
-        BrickShape { ranks: RankShape { levels: 4, substitute: true }, ..plain.clone() },
+        BrickShape { ranks: RankShape { levels: 4, order: RankOrder::Papers }, ..plain.clone() },
+        BrickShape {
+            ranks: RankShape { levels: 4, order: RankOrder::Substitute },
+            ..plain.clone()
+        },
         plain,
-        BrickShape { ranks: RankShape { levels: 4, substitute: true }, ..full.clone() },
+        BrickShape { ranks: RankShape { levels: 4, order: RankOrder::Substitute }, ..full.clone() },
         BrickShape {
             march: shape(&[ChannelShape::Scalar { segments: 25 }, SCALAR], FilterShape::Fetch),
             ..full.clone()
@@ -321,17 +330,27 @@ fn all() -> Vec<(&'static str, Vec<Shader>)> {
     let march = shapes.iter().map(|shape| compiled(&shape.variant("march")));
     let cast = shapes.iter().zip([1, 3].into_iter().cycle());
     let cast = cast.map(|(shape, views)| compiled(&cast::variant(shape, views)));
-    let rank_shapes = [(1, false), (4, false), (4, true)]
-        .map(|(levels, substitute)| RankShape { levels, substitute });
+    use RankOrder::{Guarded, Papers, Substitute};
+    let rank_shapes = [(1, Guarded), (4, Guarded), (4, Substitute), (4, Papers)]
+        .map(|(levels, order)| RankShape { levels, order });
     let ranked = |variant: fn(RankShape) -> Variant| {
         rank_shapes.iter().map(|shape| compiled(&variant(*shape))).collect::<Vec<_>>()
     };
     let mut of_rays: Vec<_> = [1, 3].iter().map(|views| compiled(&rays::variant(*views))).collect();
     of_rays.push(compiled(&rays::brick_variant(2, 3)));
     let bricks = brick_shapes();
+    let place_formats = [
+        ImageFormat::R8Unorm,
+        ImageFormat::R16Unorm,
+        ImageFormat::R32Sfloat,
+        ImageFormat::Rgba8Unorm,
+        ImageFormat::Rgba16Unorm,
+        ImageFormat::Rgba32Sfloat,
+    ];
     vec![
         ("cast", cast.collect()),
         ("march_bricks", bricks.iter().map(|shape| compiled(&shape.variant())).collect()),
+        ("place", place_formats.map(|format| compiled(&place::variant(format))).to_vec()),
         ("publish", vec![compiled(&publish::variant())]),
         ("tally", ranked(tally::variant)),
         ("choose", vec![compiled(&choose::variant())]),
@@ -518,6 +537,7 @@ fn pass_differs(header: &Header, pass: &str) -> Vec<String> {
         (".sample(\"", "reads"),
         (".write(\"", "writes"),
         (".update(\"", "updates"),
+        (".store(\"", "writes"),
     ];
     for (call, sense) in calls {
         for (at, _) in pass.match_indices(call) {
@@ -595,6 +615,7 @@ fn host_structs_lie_as_in_the_shaders() {
         "Answer",
         "ChunkCounts",
         "LevelView",
+        "Placement",
         "RayBlock",
         "RayGeometry",
         "RayState",

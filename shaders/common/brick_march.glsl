@@ -6,7 +6,7 @@
 //          constants    [number]   texels of bricks of one value
 //          slot_used    [slot]     round in which a ray last used it
 //          atlases      [image]    slots, one image per texel format
-//          wish_weight  [entry]    what the brick would add; substitute refinement alone
+//          wish_weight  [entry]    what the brick would add; WEIGHTS alone
 //          wished       [word]     one bit per entry
 //          slot_needed  [slot]     round in which a waiting ray last needed it; exact refinement alone
 // spaces   voxels of the level (centre origin): block anchors in fixed point, samples in f32 from the
@@ -15,6 +15,8 @@
 //          ATLASES; PAYLOAD, SLOT: voxels and texels of a brick along each axis; FILTER_SAMPLER,
 //          FILTER_FETCH or FILTER_QUADS; SKIPPING: bricks of nothing are crossed in one step;
 //          SUBSTITUTE: a ray takes a coarser level for a missing brick and does not wait;
+//          WEIGHTS: rays say how much a wish is worth, and not what they need
+//          beside it;
 //          SHOW_STATES: what a ray met is remembered; EARLY_STOP; as common/ranks.glsl and
 //          common/classify.glsl
 // source   DESIGN section 5. A sample's brick, value and weight depend on its number alone: a ray that
@@ -27,7 +29,7 @@
 layout(std430) readonly buffer page_table { uint entries[]; };
 layout(std430) readonly buffer constants { vec4 constant_texels[]; };
 layout(std430) writeonly buffer slot_used { uint round_used[]; };
-#ifdef SUBSTITUTE
+#ifdef WEIGHTS
 layout(std430) buffer wish_weight { uint weight_of_entry[]; };
 #else
 layout(std430) writeonly buffer slot_needed { uint round_needed[]; };
@@ -50,15 +52,18 @@ void wish(uint entry) {
 bool mark(uint round, uint entry, uint slot_first) {
     uint value = entries[entry];
     uint state = value >> ENTRY_STATE_SHIFT;
-#ifndef SUBSTITUTE
     if (state == ENTRY_MAPPED) {
         uint slot = slot_first + (value & ENTRY_PAYLOAD_MASK);
         round_used[slot] = round;
+#ifndef WEIGHTS
         round_needed[slot] = round;
-    }
 #endif
+    }
     if (state == ENTRY_UNMAPPED) {
         wish(entry);
+#ifdef WEIGHTS
+        atomicAdd(weight_of_entry[entry], 1u);
+#endif
     }
     return state <= ENTRY_EXPECTED;
 }

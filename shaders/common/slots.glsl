@@ -2,12 +2,13 @@
 //
 // binds    slot_used    [slot]  round in which a ray last used it
 //          slot_needed  [slot]  round in which a waiting ray last needed it; exact refinement alone
-// variants SUBSTITUTE: what this round used stays, and so do levels that are held
+// variants SUBSTITUTE: what this round used stays, and so do levels that are held;
+//          PAPERS: nothing stays but by use, as in the papers
 
 layout(std430) readonly buffer slot_used { uint round_used[]; };
 #ifdef SUBSTITUTE
 #define RANK_HELD 0u
-#else
+#elif !defined(PAPERS)
 layout(std430) readonly buffer slot_needed { uint round_needed[]; };
 #endif
 
@@ -24,6 +25,8 @@ uint rank_of_slot(CacheRound cache, uint slot, uint front) {
 #ifdef SUBSTITUTE
     bool held = level_views[level_of_place(place)].held != 0u;
     return held || round_used[slot] == cache.round ? RANK_HELD : SLOT_DEAD;
+#elif defined(PAPERS)
+    return SLOT_DEAD;
 #else
     uint rank = rank_of_place(place);
     // All rays stand at the front or behind it. Who needed a brick at the front has gone through it,

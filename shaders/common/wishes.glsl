@@ -1,12 +1,12 @@
 // wishes.glsl: the rank of a wish. twin: src/twins/cache.rs
 //
-// variants SUBSTITUTE: by weight, heaviest first; else by where in the view a ray waits
+// variants WEIGHTS: by weight, heaviest first; else by where in the view a ray waits
 //
-// Includers declare wish_weight in substitute refinement.
+// Includers declare wish_weight where wishes have weights.
 
 // `entry` counts from the atlas's first.
 uint rank_of_wish(CacheRound cache, uint entry) {
-#ifdef SUBSTITUTE
+#ifdef WEIGHTS
     uint weight = max(weight_of_entry[cache.entry_first + entry], 1u);
     uint doublings = uint(findMSB(weight));
     // The two bits after the leading one.

@@ -82,17 +82,42 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.json {
         print_json(&results)?;
     }
-    match gpu.messages().first() {
-        Some(first) => Err(Error {
+    if let Some(first) = gpu.messages().first() {
+        return Err(Error {
             exit: Exit::Bug,
             message: format!(
                 "validation had {} message(s), the first: {}",
                 gpu.messages().len(),
                 first.text
             ),
-        }),
+        });
+    }
+    match results.views.iter().find_map(incomplete) {
+        Some(why) => Err(Error { exit: Exit::Incomplete, message: why }),
         None => Ok(()),
     }
+}
+
+/// What a view's picture lacks, in a sentence.
+fn incomplete(view: &ViewResult) -> Option<String> {
+    let statistics = &view.statistics;
+    if let Some(reason) = &statistics.unfinished {
+        return Some(format!(
+            "view \"{}\" is unfinished, {} rays wait: {reason}",
+            view.view, statistics.rays_waiting
+        ));
+    }
+    (statistics.bricks_failed > 0).then(|| {
+        format!(
+            "view \"{}\" lacks {} bricks that could not be read{}",
+            view.view,
+            statistics.bricks_failed,
+            statistics
+                .first_failure
+                .as_ref()
+                .map_or(String::new(), |why| format!(", the first: {why}"))
+        )
+    })
 }
 
 /// Statistics of one view stand alone; of several, in a list.
@@ -116,6 +141,21 @@ fn report(name: &str, files: &[PathBuf], statistics: &Statistics) {
         statistics.device_bytes as f64 / f64::from(1 << 20),
         statistics.device,
     ));
+    if let Some(loading) = &statistics.loading {
+        print(format_args!(
+            "{}: {} rounds, {} bricks needed, {} uploaded ({:.1} MiB), {} hidden, {} of one value, {} absent, {} failed, {} read\n",
+            " ".repeat(name.len()),
+            statistics.rounds,
+            statistics.bricks_needed,
+            statistics.bricks_uploaded,
+            statistics.bytes_uploaded as f64 / f64::from(1 << 20),
+            statistics.bricks_hidden,
+            statistics.bricks_constant,
+            statistics.bricks_absent,
+            statistics.bricks_failed,
+            loading.reads,
+        ));
+    }
 }
 
 fn outputs(arguments: &Arguments) -> Vec<PathBuf> {

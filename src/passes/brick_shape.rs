@@ -1,7 +1,7 @@
 //! What shapes the shader that marches through bricks: only what the scene has gets into it.
 
 use crate::gpu::Variant;
-use crate::passes::cache_buffers::RankShape;
+use crate::passes::cache_buffers::{RankOrder, RankShape};
 use crate::passes::march_shape::Shape;
 
 /// Where an atlas stands in the buffers that all atlases share.
@@ -57,7 +57,13 @@ impl BrickShape {
         }
         let triple = |[x, y, z]: [u32; 3]| format!("uvec3({x}, {y}, {z})");
         let atlas_of_channel: Vec<_> = self.places.iter().map(|(atlas, _)| *atlas).collect();
-        let variant = self.ranks.variant("march_bricks");
+        let mut variant = Variant::plain("march_bricks").define("LEVELS", self.ranks.levels);
+        if self.ranks.order.weighs() {
+            variant = variant.define("WEIGHTS", 1);
+        }
+        if self.ranks.order == RankOrder::Substitute {
+            variant = variant.define("SUBSTITUTE", 1);
+        }
         let variant = self
             .march
             .define(variant, &declare, &atlas_of_channel)

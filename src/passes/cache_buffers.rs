@@ -7,15 +7,37 @@ use crate::gpu::{Buffer, ComputePipeline, Variant};
 pub struct RankShape {
     /// Levels of the volume.
     pub levels: u32,
-    /// Wishes by weight, slots by use alone.
-    pub substitute: bool,
+    /// How wishes and slots are ranked.
+    pub order: RankOrder,
+}
+
+/// What bricks are ranked by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum RankOrder {
+    /// Wishes and slots by the bricks between them and the eye: exact refinement.
+    Guarded,
+    /// Wishes by weight; slots by use, but what this round used stays: substitute refinement.
+    Substitute,
+    /// Wishes by how many rays wait, slots by use alone, as in the papers: to show where it stands still.
+    Papers,
+}
+
+impl RankOrder {
+    /// Whether wishes have weights.
+    pub fn weighs(self) -> bool {
+        self != RankOrder::Guarded
+    }
 }
 
 impl RankShape {
     /// A variant of `shader`, which ranks.
     pub fn variant(self, shader: &'static str) -> Variant {
         let variant = Variant::plain(shader).define("LEVELS", self.levels);
-        if self.substitute { variant.define("SUBSTITUTE", 1) } else { variant }
+        match self.order {
+            RankOrder::Guarded => variant,
+            RankOrder::Substitute => variant.define("WEIGHTS", 1).define("SUBSTITUTE", 1),
+            RankOrder::Papers => variant.define("WEIGHTS", 1).define("PAPERS", 1),
+        }
     }
 }
 
@@ -27,13 +49,13 @@ pub struct CacheBuffers {
     pub slot_owner: Buffer,
     /// `[slot]` round in which a ray last used it.
     pub slot_used: Buffer,
-    /// `[slot]` round in which a waiting ray last needed it; exact refinement alone.
+    /// `[slot]` round in which a waiting ray last needed it; guarded order alone.
     pub slot_needed: Option<Buffer>,
     /// `[slot]` least recently used first; this round's and the next one's, taking turns.
     pub usage_order: [Buffer; 2],
     /// `[word]` one bit per entry.
     pub wished: Buffer,
-    /// `[entry]` what the brick would add; substitute refinement alone.
+    /// `[entry]` what the brick would add; where wishes have weights.
     pub wish_weight: Option<Buffer>,
     /// `[word]` one bit per entry that rays have used.
     pub touched: Buffer,
@@ -61,7 +83,7 @@ pub struct CacheBuffers {
     pub levels: Buffer,
 }
 
-/// Whether the pipeline's variant ranks by weight.
-pub(super) fn substitutes(pipeline: &ComputePipeline) -> bool {
-    pipeline.variant().defines.iter().any(|(name, _)| name == "SUBSTITUTE")
+/// Whether the pipeline's variant binds something of this name.
+pub(super) fn binds(pipeline: &ComputePipeline, name: &str) -> bool {
+    pipeline.reflection().bindings.iter().any(|binding| binding.name == name)
 }

@@ -1,7 +1,7 @@
 //! What each chunk of slots and wishes adds to the lists that grant writes.
 
 use crate::gpu::{ComputePipeline, Recorder, Variant};
-use crate::passes::cache_buffers::{CacheBuffers, RankShape, substitutes};
+use crate::passes::cache_buffers::{CacheBuffers, RankShape, binds};
 use crate::twins::cache::CacheRound;
 
 /// The variant of a ranking.
@@ -19,21 +19,23 @@ pub fn record<'r>(
 ) {
     let mut dispatch = recorder
         .compute(pipeline)
-        .uniform("levels", &buffers.levels)
         .read("choice", &buffers.choice)
         .read("usage_order", &buffers.usage_order[order])
         .read("slot_owner", &buffers.slot_owner)
         .read("slot_used", &buffers.slot_used)
         .read("wished", &buffers.wished)
         .write("chunk_counts", &buffers.chunk_counts);
-    match (&buffers.wish_weight, &buffers.slot_needed) {
-        (Some(weight), _) if substitutes(pipeline) => {
-            dispatch = dispatch.read("wish_weight", weight);
-        }
-        (_, Some(needed)) => {
-            dispatch = dispatch.read("slot_needed", needed).read("progress", &buffers.progress);
-        }
-        _ => {}
+    if binds(pipeline, "levels") {
+        dispatch = dispatch.uniform("levels", &buffers.levels);
+    }
+    if binds(pipeline, "progress") {
+        dispatch = dispatch.read("progress", &buffers.progress);
+    }
+    if let Some(needed) = buffers.slot_needed.as_ref().filter(|_| binds(pipeline, "slot_needed")) {
+        dispatch = dispatch.read("slot_needed", needed);
+    }
+    if let Some(weight) = buffers.wish_weight.as_ref().filter(|_| binds(pipeline, "wish_weight")) {
+        dispatch = dispatch.read("wish_weight", weight);
     }
     dispatch.push(cache).threads([cache.chunks(), 1, 1]);
 }

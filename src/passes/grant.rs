@@ -1,7 +1,7 @@
 //! Gives slots to the host, least recently used first, and lists what it should load.
 
 use crate::gpu::{ComputePipeline, Recorder, Variant};
-use crate::passes::cache_buffers::{CacheBuffers, RankShape, substitutes};
+use crate::passes::cache_buffers::{CacheBuffers, RankShape, binds};
 use crate::twins::cache::CacheRound;
 
 /// The variant of a ranking.
@@ -19,7 +19,6 @@ pub fn record<'r>(
 ) {
     let mut dispatch = recorder
         .compute(pipeline)
-        .uniform("levels", &buffers.levels)
         .read("choice", &buffers.choice)
         .read("chunk_counts", &buffers.chunk_counts)
         .read("usage_order", &buffers.usage_order[order])
@@ -32,14 +31,17 @@ pub fn record<'r>(
         .update("wished", &buffers.wished)
         .update("touched", &buffers.touched)
         .update("answers", &buffers.answers);
-    match (&buffers.wish_weight, &buffers.slot_needed) {
-        (Some(weight), _) if substitutes(pipeline) => {
-            dispatch = dispatch.update("wish_weight", weight);
-        }
-        (_, Some(needed)) => {
-            dispatch = dispatch.read("slot_needed", needed).read("progress", &buffers.progress);
-        }
-        _ => {}
+    if binds(pipeline, "levels") {
+        dispatch = dispatch.uniform("levels", &buffers.levels);
+    }
+    if binds(pipeline, "progress") {
+        dispatch = dispatch.read("progress", &buffers.progress);
+    }
+    if let Some(needed) = buffers.slot_needed.as_ref().filter(|_| binds(pipeline, "slot_needed")) {
+        dispatch = dispatch.read("slot_needed", needed);
+    }
+    if let Some(weight) = buffers.wish_weight.as_ref().filter(|_| binds(pipeline, "wish_weight")) {
+        dispatch = dispatch.update("wish_weight", weight);
     }
     dispatch.push(cache).threads([cache.chunks(), 1, 1]);
 }

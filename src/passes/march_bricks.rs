@@ -1,7 +1,7 @@
 //! Moves every ray of a tile on through the bricks that are there.
 
 use crate::gpu::{Buffer, ComputePipeline, Image, Recorder, Sampler};
-use crate::passes::cache_buffers::{CacheBuffers, substitutes};
+use crate::passes::cache_buffers::{CacheBuffers, binds};
 use crate::twins::march_bricks::Push;
 
 /// What is kept of the rays of a tile between dispatches.
@@ -64,10 +64,11 @@ pub fn record<'r>(
     };
     dispatch =
         if has("SEVERAL_LEVELS") { dispatch.uniform("views", resources.views) } else { dispatch };
-    dispatch = match (&cache.wish_weight, &cache.slot_needed) {
-        (Some(weight), _) if substitutes(pipeline) => dispatch.update("wish_weight", weight),
-        (_, Some(needed)) => dispatch.write("slot_needed", needed),
-        _ => dispatch,
-    };
+    if let Some(weight) = cache.wish_weight.as_ref().filter(|_| binds(pipeline, "wish_weight")) {
+        dispatch = dispatch.update("wish_weight", weight);
+    }
+    if let Some(needed) = cache.slot_needed.as_ref().filter(|_| binds(pipeline, "slot_needed")) {
+        dispatch = dispatch.write("slot_needed", needed);
+    }
     dispatch.push(push).threads([width, height, 1]);
 }

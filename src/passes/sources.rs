@@ -24,6 +24,7 @@ pub static SOURCES: &ShaderSources = &[
     ("choose.comp", include_str!("../../shaders/choose.comp")),
     ("count.comp", include_str!("../../shaders/count.comp")),
     ("scan.comp", include_str!("../../shaders/scan.comp")),
+    ("place.comp", include_str!("../../shaders/place.comp")),
     ("grant.comp", include_str!("../../shaders/grant.comp")),
     ("common/answer.glsl", include_str!("../../shaders/common/answer.glsl")),
     ("common/brick_march.glsl", include_str!("../../shaders/common/brick_march.glsl")),

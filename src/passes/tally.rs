@@ -1,7 +1,7 @@
 //! How many slots and wishes of an atlas there are of each rank.
 
 use crate::gpu::{ComputePipeline, Recorder, Variant};
-use crate::passes::cache_buffers::{CacheBuffers, RankShape, substitutes};
+use crate::passes::cache_buffers::{CacheBuffers, RankShape, binds};
 use crate::twins::cache::CacheRound;
 
 /// The variant of a ranking.
@@ -18,21 +18,25 @@ pub fn record<'r>(
 ) {
     let mut dispatch = recorder
         .compute(pipeline)
-        .uniform("levels", &buffers.levels)
         .read("slot_owner", &buffers.slot_owner)
         .read("wished", &buffers.wished)
         .update("wishes_of_rank", &buffers.wishes_of_rank)
         .update("live_of_rank", &buffers.live_of_rank)
         .update("tallies", &buffers.tallies);
-    match (&buffers.wish_weight, &buffers.slot_needed) {
-        (Some(weight), _) if substitutes(pipeline) => {
-            // Exact refinement ranks slots without it.
-            dispatch = dispatch.read("wish_weight", weight).read("slot_used", &buffers.slot_used);
-        }
-        (_, Some(needed)) => {
-            dispatch = dispatch.read("slot_needed", needed).read("progress", &buffers.progress);
-        }
-        _ => {}
+    if binds(pipeline, "slot_used") {
+        dispatch = dispatch.read("slot_used", &buffers.slot_used);
+    }
+    if binds(pipeline, "levels") {
+        dispatch = dispatch.uniform("levels", &buffers.levels);
+    }
+    if binds(pipeline, "progress") {
+        dispatch = dispatch.read("progress", &buffers.progress);
+    }
+    if let Some(needed) = buffers.slot_needed.as_ref().filter(|_| binds(pipeline, "slot_needed")) {
+        dispatch = dispatch.read("slot_needed", needed);
+    }
+    if let Some(weight) = buffers.wish_weight.as_ref().filter(|_| binds(pipeline, "wish_weight")) {
+        dispatch = dispatch.read("wish_weight", weight);
     }
     dispatch.push(cache).threads([cache.chunks(), 1, 1]);
 }

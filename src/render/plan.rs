@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use crate::error::{Error, Result};
 use crate::gpu::{BufferSpec, Gpu, Image, ImageSpec, Shader, ShaderCompiler, Variant};
+use crate::passes::cache_buffers::RankOrder;
 use crate::passes::march_shape::{ChannelShape, FilterShape, Shape};
 use crate::passes::{cast, rays, resolve};
 use crate::render::image_layout::TexelLayout;
@@ -280,7 +281,7 @@ impl Plan {
         if !several {
             left_out.add("change of level along a ray", "each view uses one level");
         }
-        if !paging.residency.ranks.substitute {
+        if paging.residency.ranks.order != RankOrder::Substitute {
             left_out.add("weights of wishes, coarser levels for missing bricks", "refine is exact");
         } else {
             left_out.add("marks of bricks that waiting rays need", "rays do not wait");

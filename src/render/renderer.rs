@@ -1,6 +1,7 @@
 //! Builds what the plan lists and draws views with it.
 
 use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
 use std::time::Instant;
 
 use glam::DVec3;
@@ -47,6 +48,8 @@ pub struct Renderer {
     upload_ms: f64,
     bytes_uploaded: u64,
     records: Vec<Record>,
+    /// Counts changes of the source.
+    pub(super) epoch: Arc<AtomicU64>,
 }
 
 pub(super) struct Buffers {
@@ -161,6 +164,7 @@ impl Renderer {
             upload_ms,
             bytes_uploaded,
             records: Vec::new(),
+            epoch: Arc::default(),
             plan,
         })
     }
@@ -173,6 +177,12 @@ impl Renderer {
     /// What was recorded for the last view, submit by submit.
     pub fn records(&self) -> &[Record] {
         &self.records
+    }
+
+    /// Counts changes of the source: whoever changes it adds one, from any thread, also while a view is
+    /// drawn, which then begins anew. No brick of before is shown after.
+    pub fn epoch(&self) -> Arc<AtomicU64> {
+        self.epoch.clone()
     }
 
     /// Draws one view; `progress` is told the finished part, 0 to 1.

@@ -80,8 +80,11 @@ pub struct Statistics {
     pub bricks_uploaded_by_level: Vec<u64>,
     /// Bytes of texels copied to the device; where nothing is paged, before the first view.
     pub bytes_uploaded: u64,
-    /// Bricks that could not be read.
+    /// Bricks that could not be read; drawn as nothing.
     pub bricks_failed: u64,
+    /// What the first of them said.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_failure: Option<String>,
     /// Bricks, of those looked at, that the source does not have.
     pub bricks_absent: u64,
     /// Bricks, of those looked at, that show nothing.

@@ -55,7 +55,7 @@ impl ResidencyShape {
 
     /// Ranks that the buffers hold.
     pub fn ranks_held(&self) -> u32 {
-        if self.ranks.substitute { WEIGHT_RANKS } else { self.rank_count }
+        if self.ranks.order.weighs() { WEIGHT_RANKS } else { self.rank_count }
     }
 
     /// Every buffer, in the order in which [`super::Residency`] takes them.
@@ -87,7 +87,7 @@ impl ResidencyShape {
             ("answers", of(atlases, size_of::<Answer>())),
         ];
         specs.extend(device.map(|(name, bytes)| list(name, bytes, MemoryHome::Device)));
-        specs.push(if self.ranks.substitute {
+        specs.push(if self.ranks.order.weighs() {
             list("wish_weight", words(self.entries()), MemoryHome::Device)
         } else {
             list("slot_needed", words(self.slots()), MemoryHome::Device)
@@ -131,7 +131,7 @@ impl ResidencyShape {
             channels: shape.channels,
             word_first: shape.entry_first / 32,
             word_count: entry_count.div_ceil(32),
-            ranks: if self.ranks.substitute { WEIGHT_RANKS } else { ranks },
+            ranks: if self.ranks.order.weighs() { WEIGHT_RANKS } else { ranks },
             grants_max: self.grants_max,
             requests_max: self.requests_max,
             grant_first: number as u32 * self.grants_max,

@@ -165,7 +165,7 @@ pub struct Cache {
 pub struct Ranking<'a> {
     /// Of the view.
     pub levels: &'a [LevelView],
-    /// Wishes by weight, slots by use alone; else by where rays wait.
+    /// Wishes by weight; slots by use, but what this round used stays.
     pub substitute: bool,
 }
 

@@ -17,6 +17,7 @@ pub mod grant;
 pub mod limits;
 pub mod march;
 pub mod march_bricks;
+pub mod place;
 pub mod probe;
 pub mod publish;
 pub mod ranks;

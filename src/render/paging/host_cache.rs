@@ -106,11 +106,6 @@ impl HostCache {
         }
     }
 
-    /// Numbers of bricks.
-    pub fn numbers(&self) -> &BrickNumbers {
-        &self.numbers
-    }
-
     /// A new view: counts begin anew.
     pub fn begin_view(&mut self) {
         self.loaded.clear();

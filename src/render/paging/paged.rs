@@ -4,15 +4,17 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::gpu::{
-    Buffer, ComputePipeline, Gpu, Place, Record, Shader, SlotEvent, Staging, Submitted, TimePoint,
+    Buffer, ComputePipeline, Gpu, Place, Record, Recorder, RoleKind, Shader, SlotEvent, Staging,
+    Submitted, TimePoint,
 };
 use crate::loading::{Loading, LoadingLimits};
 use crate::passes::march_bricks::{self, RayBuffers};
-use crate::passes::{rays, resolve};
+use crate::passes::{place, rays, resolve};
 use crate::render::frame::Tile;
 use crate::render::paging::brick_texels::write_texels;
 use crate::render::paging::host_cache::HostCache;
 use crate::render::paging::plan::PagingPlan;
+use crate::render::paging::settings::CopyPath;
 use crate::render::plan::{DISPATCHES_PER_SUBMIT, Plan};
 use crate::render::renderer::Renderer;
 use crate::render::scene_data::SceneData;
@@ -20,6 +22,7 @@ use crate::render::statistics::Statistics;
 use crate::residency::{Allowance, Residency};
 use crate::source::Description;
 use crate::twins;
+use crate::twins::place::Placement;
 use crate::volume::BrickId;
 
 /// See the module.
@@ -40,17 +43,43 @@ pub struct Paged {
     /// Whether the device's buffers hold what a first round begins with.
     cleared: bool,
     /// Copied since the last flush: brick, slot and texel bytes.
-    staged: Vec<(BrickId, u32, u64)>,
+    staged: Vec<StagedBrick>,
+    /// What the placed copy path takes.
+    placing: Option<Placing>,
     /// Copies that the next round's publishing waits for.
     copied_until: Option<TimePoint>,
     /// The round after which granted slots may be written.
     granted_at: Option<TimePoint>,
+    /// Of the source, as the renderer counts it.
+    pub epoch: u64,
     copy_ms_before: f64,
     /// Slots that rays may read, for the simulation of two queues.
     pub readable: std::collections::BTreeSet<u32>,
 }
 
-/// Without reading anything for so long, a brick's failure is final.
+/// A brick in the staging half.
+struct StagedBrick {
+    id: BrickId,
+    slot: u32,
+    bytes: u64,
+    atlas: usize,
+    placement: Placement,
+}
+
+/// The upload buffer and the passes that place bricks from it, one per atlas.
+struct Placing {
+    upload: Buffer,
+    placements: Buffer,
+    pipelines: Vec<Arc<ComputePipeline>>,
+    /// First byte of the upload buffer that nothing is staged for.
+    free: u64,
+    /// The upload buffer is read until then.
+    placed_at: Option<TimePoint>,
+}
+
+/// Staged bricks begin at multiples of the largest texel, in the upload buffer too.
+const ALIGNMENT_BYTES: u64 = 16;
+/// Reads of a brick before it counts as failed.
 const ATTEMPTS: u32 = 3;
 
 impl Paged {
@@ -70,7 +99,7 @@ impl Paged {
         // As PagingPlan::variants lists them: publish, rays, march_bricks, five that manage, resolve.
         let manage: Vec<Shader> =
             [0, 3, 4, 5, 6, 7].iter().map(|index| shaders[*index].clone()).collect();
-        let mut residency = Residency::new(gpu, plan.residency.clone(), &manage)?;
+        let residency = Residency::new(gpu, plan.residency.clone(), &manage)?;
         let mut staging = Staging::new(gpu, plan.staging_half_bytes)?;
         let mut first_copies = Vec::new();
         let order = residency.first_order();
@@ -108,6 +137,16 @@ impl Paged {
             set_up: pipeline(1)?,
             march: pipeline(2)?,
             resolve: pipeline(8)?,
+            placing: match plan.copy_path {
+                CopyPath::Straight => None,
+                CopyPath::Placed => Some(Placing {
+                    upload: make("upload")?,
+                    placements: make("placements")?,
+                    pipelines: (9..shaders.len()).map(pipeline).collect::<Result<_>>()?,
+                    free: 0,
+                    placed_at: None,
+                }),
+            },
             loading: Loading::new(vec![source], limits)?,
             residency,
             staging,
@@ -118,6 +157,7 @@ impl Paged {
             staged: Vec::new(),
             copied_until: None,
             granted_at: None,
+            epoch: 0,
             copy_ms_before: 0.0,
             readable: std::collections::BTreeSet::new(),
         })
@@ -144,16 +184,24 @@ impl Paged {
         let Some(judge) = self.plan.judges.get(&id.channel) else { return Ok(true) };
         let texels = size.len().unwrap_or(0) as u64;
         let bytes = texels * judge.layout.format.bytes();
-        let place = Place::Image {
-            image: atlas,
-            start: layout.slot_origin(in_atlas),
-            size: size.to_array(),
+        let start = layout.slot_origin(in_atlas);
+        let size_texels = size.to_array();
+        let mut placement = Placement { start, first_word: 0, size: size_texels, unused_0: 0 };
+        let place = match &self.placing {
+            None => Place::Image { image: atlas, start, size: size_texels },
+            Some(placing) => {
+                placement.first_word = (placing.free / 4) as u32;
+                Place::Buffer { buffer: 0, offset: placing.free }
+            }
         };
         let fill =
             |target: &mut [u8]| write_texels(voxels, judge.format, size, &judge.layout, target);
         let staged = self.staging.stage_with(place, bytes, fill)?;
         if staged {
-            self.staged.push((id, slot, bytes));
+            self.staged.push(StagedBrick { id, slot, bytes, atlas, placement });
+            if let Some(placing) = &mut self.placing {
+                placing.free += bytes.next_multiple_of(ALIGNMENT_BYTES);
+            }
         }
         Ok(staged)
     }
@@ -162,26 +210,32 @@ impl Paged {
     ///
     /// # Errors
     /// Exit code 4 when the device is lost.
-    pub fn flush(&mut self, records: Option<&mut Vec<Record>>) -> Result<()> {
+    pub fn flush(&mut self, gpu: &Arc<Gpu>, records: Option<&mut Vec<Record>>) -> Result<()> {
         let atlases: Vec<_> = self.residency.atlases().iter().collect();
-        let waits: Vec<_> = self.granted_at.into_iter().collect();
-        let Some(mut submitted) = self.staging.flush("copy", &atlases, &[], &waits)? else {
+        let mut waits: Vec<_> = self.granted_at.into_iter().collect();
+        let upload: Vec<_> = self.placing.iter().map(|placing| &placing.upload).collect();
+        waits.extend(self.placing.iter().filter_map(|placing| placing.placed_at));
+        let Some(mut submitted) = self.staging.flush("copy", &atlases, &upload, &waits)? else {
             return Ok(());
         };
         let staged = std::mem::take(&mut self.staged);
-        for (step, of_step) in
-            submitted.record.steps.iter_mut().zip(atlases_of(&staged, &self.host))
-        {
+        let straight = self.placing.is_none();
+        let steps = submitted.record.steps.iter_mut().filter(|_| straight);
+        for (step, of_step) in steps.zip(slots_by_atlas(&staged)) {
             let name = self.plan.residency.atlases[of_step.0].layout.spec.name;
             step.by_slot.push(name);
             step.slots = of_step.1.iter().map(|slot| (SlotEvent::CopiedInto, *slot)).collect();
         }
-        for (id, _, bytes) in staged {
-            self.host.arrived(id, bytes);
+        let mut made = vec![submitted];
+        if let Some(placing) = &mut self.placing {
+            made.push(placing.place(gpu, &self.residency, &staged, made[0].point)?);
         }
-        self.copied_until = Some(submitted.point);
+        self.copied_until = made.last().map(|submitted| submitted.point);
         if let Some(records) = records {
-            records.push(submitted.record);
+            records.extend(made.into_iter().map(|submitted| submitted.record));
+        }
+        for brick in staged {
+            self.host.arrived(brick.id, brick.bytes);
         }
         Ok(())
     }
@@ -189,6 +243,11 @@ impl Paged {
     /// Counts begin anew.
     pub fn begin_view(&mut self) {
         self.host.begin_view();
+        // What failed before may have recovered.
+        if !self.host.failures().is_empty() {
+            self.loading.forget_failures();
+            self.host.forget_failures();
+        }
         self.copy_ms_before = self.staging.copy_ms();
     }
 
@@ -206,6 +265,8 @@ impl Paged {
         statistics.bricks_uploaded_by_level.clone_from(&counts.uploaded_by_level);
         statistics.bytes_uploaded = counts.uploaded_bytes;
         statistics.bricks_failed = self.host.failures().len() as u64;
+        statistics.first_failure =
+            self.host.failures().values().next().map(|why| why.message.clone());
         statistics.bricks_absent = counts.absent;
         statistics.bricks_hidden = counts.hidden;
         statistics.bricks_constant = counts.constant;
@@ -219,25 +280,80 @@ impl Paged {
     }
 
     /// The source changed: what is cached of it, here and on the device, is forgotten.
-    pub fn new_epoch(&mut self) {
+    ///
+    /// # Errors
+    /// Exit code 4 when the device is lost.
+    pub fn new_epoch(&mut self, gpu: &Arc<Gpu>) -> Result<()> {
+        // What is staged goes where it was promised; nothing will show it.
+        self.flush(gpu, None)?;
         self.loading.new_epoch(0);
         self.host.clear();
         self.readable.clear();
         self.cleared = false;
+        Ok(())
     }
 }
 
 /// Slots of staged bricks, atlas by atlas in the order in which the atlases were first staged for.
-fn atlases_of(staged: &[(BrickId, u32, u64)], host: &HostCache) -> Vec<(usize, Vec<u32>)> {
+fn slots_by_atlas(staged: &[StagedBrick]) -> Vec<(usize, Vec<u32>)> {
     let mut atlases: Vec<(usize, Vec<u32>)> = Vec::new();
-    for (_, slot, _) in staged {
-        let (atlas, _) = host.atlas_of_slot(*slot);
-        match atlases.iter_mut().find(|(known, _)| *known == atlas) {
-            Some((_, slots)) => slots.push(*slot),
-            None => atlases.push((atlas, vec![*slot])),
+    for brick in staged {
+        match atlases.iter_mut().find(|(known, _)| *known == brick.atlas) {
+            Some((_, slots)) => slots.push(brick.slot),
+            None => atlases.push((brick.atlas, vec![brick.slot])),
         }
     }
     atlases
+}
+
+impl Placing {
+    /// Places what was copied into the upload buffer, after `copied`.
+    fn place(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        residency: &Residency,
+        staged: &[StagedBrick],
+        copied: TimePoint,
+    ) -> Result<Submitted> {
+        let by_atlas = slots_by_atlas(staged);
+        let mut placements: Vec<Placement> = Vec::new();
+        let mut firsts = Vec::new();
+        for (atlas, _) in &by_atlas {
+            firsts.push(placements.len());
+            let of_atlas = staged.iter().filter(|brick| brick.atlas == *atlas);
+            placements.extend(of_atlas.map(|brick| brick.placement));
+        }
+        self.placements.write(0, bytemuck::cast_slice(&placements))?;
+        let mut recorder = Recorder::new(gpu, RoleKind::Render, None);
+        for ((atlas, slots), first) in by_atlas.iter().zip(&firsts) {
+            let of_atlas = &placements[*first..][..slots.len()];
+            let texels = of_atlas.iter().map(|placement| placement.size.iter().product());
+            let push = twins::place::Push {
+                texels_max: texels.max().unwrap_or(1),
+                first_placement: *first as u32,
+            };
+            let resources = place::Resources {
+                upload: &self.upload,
+                placements: &self.placements,
+                atlas: &residency.atlases()[*atlas],
+            };
+            place::record(
+                &mut recorder,
+                &self.pipelines[*atlas],
+                &resources,
+                slots.len() as u32,
+                &push,
+            );
+        }
+        let mut submitted = recorder.submit(&[copied])?;
+        for (step, (atlas, slots)) in submitted.record.steps.iter_mut().zip(by_atlas) {
+            step.by_slot.push(residency.atlases()[atlas].spec().name);
+            step.slots = slots.into_iter().map(|slot| (SlotEvent::Placed, slot)).collect();
+        }
+        self.free = 0;
+        self.placed_at = Some(submitted.point);
+        Ok(submitted)
+    }
 }
 
 /// What a round is to do.

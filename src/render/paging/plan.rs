@@ -6,12 +6,13 @@ use std::ops::Range;
 use crate::error::{Error, Result};
 use crate::gpu::{BufferSpec, Gpu, MemoryHome, Staging, Variant};
 use crate::passes::brick_shape::{AtlasShape, BrickShape};
-use crate::passes::cache_buffers::RankShape;
+use crate::passes::cache_buffers::{RankOrder, RankShape};
 use crate::passes::march_shape::{ChannelShape, Shape};
-use crate::passes::{rays, resolve};
+use crate::passes::{place, rays, resolve};
 use crate::render::image_layout::{Layout, LayoutChoice, TexelLayout};
 use crate::render::paging::brick_numbers::{BrickNumbers, ChannelPlace};
 use crate::render::paging::host_cache::CONSTANTS_MAX;
+use crate::render::paging::settings::{CopyPath, LoadOrder};
 use crate::render::paging::view_levels::ViewLevels;
 use crate::render::paging::visibility::Judge;
 use crate::render::scene_data::SceneData;
@@ -20,6 +21,7 @@ use crate::render::transfer_segments::transfer_segments;
 use crate::residency::{AtlasLayout, AtlasPlan, ResidencyShape};
 use crate::scene::{Filter, Refine};
 use crate::source::Description;
+use crate::twins::place::Placement;
 use crate::twins::ray::{RayGeometry, RayState};
 use crate::twins::ray_block::RayBlock;
 use crate::twins::ray_setup::ViewRays;
@@ -54,6 +56,8 @@ pub struct PagingPlan {
     pub bricks: BrickShape,
     /// Bricks that are loaded first and never given up; substitute refinement alone.
     pub held: Vec<BrickId>,
+    /// How voxels come into a slot.
+    pub copy_path: CopyPath,
     /// Of one staging half.
     pub staging_half_bytes: u64,
 }
@@ -90,6 +94,8 @@ impl PagingPlan {
             segments.extend(of_channel);
         }
         let numbers = atlases.numbers;
+        let stored = atlases.plans.iter().all(|atlas| atlas.layout.spec.stored);
+        let copy_path = if stored { CopyPath::Placed } else { CopyPath::Straight };
         let world_from_voxel = data.world_from_voxel(0);
         let quality = (scene.quality.step, scene.quality.level_max);
         let size = scene.picture.size;
@@ -108,7 +114,12 @@ impl PagingPlan {
         let of_floor =
             |id: &BrickId| held.contains(&id.level) && source.channels.contains(&id.channel);
         let held = description.bricks().filter(of_floor).collect();
-        let ranks = RankShape { levels: description.levels.count() as u32, substitute };
+        let order = match (substitute, settings.paging.order) {
+            (true, _) => RankOrder::Substitute,
+            (false, LoadOrder::Guarded) => RankOrder::Guarded,
+            (false, LoadOrder::Papers) => RankOrder::Papers,
+        };
+        let ranks = RankShape { levels: description.levels.count() as u32, order };
         let places = numbers.channels.iter().map(|place| (place.atlas, place.in_atlas)).collect();
         let slots_max =
             atlases.plans.iter().map(|plan| plan.layout.slot_count()).max().unwrap_or(1);
@@ -155,6 +166,7 @@ impl PagingPlan {
             residency,
             bricks,
             held,
+            copy_path,
             staging_half_bytes: half.clamp(brick_bytes, all_slots.max(brick_bytes)),
         })
     }
@@ -184,6 +196,11 @@ impl PagingPlan {
             spec("ray_block", per_ray(size_of::<RayBlock>()), MemoryHome::Device),
             spec("ray_place", per_ray(4), MemoryHome::Device),
         ];
+        if self.copy_path == CopyPath::Placed {
+            let bricks = self.residency.slots() as usize;
+            specs.push(spec("upload", self.staging_half_bytes, MemoryHome::Device));
+            specs.push(spec("placements", of(bricks, size_of::<Placement>()), MemoryHome::Upload));
+        }
         specs.extend(self.residency.buffers());
         specs.extend(Staging::specs(self.staging_half_bytes));
         specs
@@ -204,6 +221,10 @@ impl PagingPlan {
         ];
         variants.extend(manage.map(|variant| (variant, atlases)));
         variants.push((resolve, 1));
+        if self.copy_path == CopyPath::Placed {
+            let formats = self.residency.atlases.iter().map(|atlas| atlas.layout.spec.format);
+            variants.extend(formats.map(|format| (place::variant(format), 1)));
+        }
         variants
     }
 }
@@ -305,6 +326,19 @@ fn atlases_of(
     })?;
     let (_, slot) = description.brick(description.brick_largest());
     let slot = slot.to_array();
+    let can_place = formats.iter().all(|format| gpu.stores(*format));
+    let placed = match settings.paging.copy_path {
+        Some(CopyPath::Placed) if !can_place => {
+            return Err(Error::machine(format!(
+                "--copy-path placed: device \"{}\" has shaders store into no such images: use straight",
+                gpu.facts().name
+            )));
+        }
+        Some(path) => path == CopyPath::Placed,
+        // Straight copies are the faster ones everywhere we measured (`ashfall bench upload`), and
+        // the transfer role never gets a queue that copies whole images alone.
+        None => false,
+    };
     let texels: u64 = slot.iter().map(|edge| u64::from(*edge)).product();
     let atlas_bytes = scene.memory.atlas_mib << 20;
     let weight = |atlas: usize| u64::from(numbers.atlas(atlas).1) * formats[atlas].bytes();
@@ -316,7 +350,7 @@ fn atlases_of(
         let least = (2 * channels).max(2).min(entry_count);
         let slots_max = settings.paging.atlas_slots.unwrap_or(u32::MAX).min(entry_count);
         let name = ATLAS_NAMES[atlas];
-        let layout = AtlasLayout::fit(gpu, name, *format, false, slot, slots_max, bytes_max)
+        let layout = AtlasLayout::fit(gpu, name, *format, placed, slot, slots_max, bytes_max)
             .filter(|layout| layout.slot_count() >= least.min(slots_max));
         let Some(layout) = layout else {
             let needed = u64::from(least) * texels * format.bytes() * weights / weight(atlas);

@@ -1,10 +1,12 @@
 //! The loop: a round on the device, then what it asked for, until no ray waits.
 
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use crate::error::Result;
 use crate::gpu::{HostEvent, Record, Submitted, TimePoint, Timestamps};
-use crate::loading::Delivery;
+use crate::loading::{Delivery, Wish};
+use crate::passes::cache_buffers::RankOrder;
 use crate::render::frame::Tile;
 use crate::render::paging::paged::{Paged, Round, annotate_grants};
 use crate::render::plan::Plan;
@@ -18,6 +20,8 @@ use crate::twins::limits::RANK_NONE;
 const STILL_ROUNDS_MAX: u32 = 3;
 /// Rounds in which bricks come and go and no ray moves, after which it says so too.
 const RESTLESS_ROUNDS_MAX: u32 = 64;
+/// How often one picture begins anew because a source that failed recovered.
+const RECOVERIES_MAX: u32 = 3;
 /// How long the host waits for deliveries at a time while the device works.
 const GLANCE: Duration = Duration::from_micros(200);
 
@@ -67,7 +71,14 @@ impl Rounds<'_> {
         let substitute = self.substitute();
         self.paged.look_through(self.tile.view as usize)?;
         let mut first = true;
+        let mut recoveries = 0;
         loop {
+            if self.renderer.epoch.load(Ordering::Acquire) != self.paged.epoch {
+                self.paged.epoch = self.renderer.epoch.load(Ordering::Acquire);
+                self.paged.new_epoch(&self.renderer.gpu)?;
+                self.begin_anew();
+                first = true;
+            }
             let point = self.round(first || substitute)?;
             first = false;
             if plan.settings.paging.lockstep {
@@ -84,7 +95,13 @@ impl Rounds<'_> {
             self.statistics.rounds += 1;
             self.show_progress(&report, progress);
             if self.is_finished(&report, substitute) {
-                return Ok(());
+                if recoveries == RECOVERIES_MAX || !self.source_recovers()? {
+                    return Ok(());
+                }
+                recoveries += 1;
+                self.begin_anew();
+                first = true;
+                continue;
             }
             self.ask(&report)?;
             if plan.settings.paging.lockstep {
@@ -99,8 +116,35 @@ impl Rounds<'_> {
         }
     }
 
+    /// Rays begin anew; bricks count anew.
+    fn begin_anew(&mut self) {
+        self.forget = true;
+        self.statistics.bricks_needed = 0;
+        self.paged.host.begin_view();
+    }
+
+    /// Whether bricks failed and one of them can be read now: then all of them are tried again.
+    fn source_recovers(&mut self) -> Result<bool> {
+        let Some(id) = self.paged.host.failures().keys().next().copied() else { return Ok(false) };
+        self.paged.loading.forget_failures();
+        self.paged.loading.wish(&[Wish { id, rank: 0 }]);
+        self.asked = Instant::now();
+        while !self.gave_up() {
+            match self.paged.loading.next(Duration::from_millis(50)) {
+                Some(Delivery::Brick { id: read, .. }) if read == id => {
+                    self.paged.host.forget_failures();
+                    return Ok(true);
+                }
+                Some(Delivery::Failed { id: failed, .. }) if failed == id => break,
+                None if self.paged.loading.outstanding() == 0 => break,
+                _ => {}
+            }
+        }
+        Ok(false)
+    }
+
     fn substitute(&self) -> bool {
-        self.paged.plan.residency.ranks.substitute
+        self.paged.plan.residency.ranks.order == RankOrder::Substitute
     }
 
     /// Submits one round.
@@ -241,7 +285,7 @@ impl Rounds<'_> {
 
     fn flush(&mut self) -> Result<()> {
         let keep = self.renderer.plan.settings.paging.keep_records;
-        self.paged.flush(keep.then_some(&mut *self.records))
+        self.paged.flush(&self.renderer.gpu, keep.then_some(&mut *self.records))
     }
 
     /// Takes one delivery; false when none came in time.
