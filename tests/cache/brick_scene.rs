@@ -81,7 +81,7 @@ impl BrickScene {
         let blocks = below(random, 1 << 20);
         let voxels = |_| random_voxels(random, blocks, voxel_size, &spec);
         let voxels: Vec<_> = places.iter().map(voxels).collect();
-        let segments = places.iter().map(|_| transfer(random, spec.segments)).collect();
+        let segments = places.iter().map(|_| transfer(random, spec.segments, spec.holes)).collect();
         let texels_of_slot = payload.iter().map(|edge| edge + 2).product::<u32>();
         let mut scene = BrickScene {
             spec,
@@ -282,18 +282,24 @@ fn random_voxels(random: &mut Random, seed: u32, size: [u32; 3], spec: &Spec) ->
     voxels
 }
 
-/// Nothing below [`VISIBLE`], then pieces with jumps between them.
-fn transfer(random: &mut Random, segments: u32) -> Vec<TransferSegment> {
+/// Nothing below [`VISIBLE`], pieces with jumps between them above. `falling`: windowed values fall as
+/// voxels grow, so that 0, which a NaN might be taken for, is visible.
+fn transfer(random: &mut Random, segments: u32, falling: bool) -> Vec<TransferSegment> {
     let segment = |index: u32| {
         let mut part = || random.unit() as f32;
-        let extinction = if index == 0 { 0.0 } else { part() * 2.0 };
-        let later = (1.0 - VISIBLE) * (index.max(1) - 1) as f32 / segments as f32;
+        let (nothing, begins_at) = if falling {
+            (index + 1 == segments, (1.0 - VISIBLE) * index as f32 / (segments - 1) as f32)
+        } else {
+            let later = (1.0 - VISIBLE) * (index.max(1) - 1) as f32 / segments as f32;
+            (index == 0, if index == 0 { 0.0 } else { VISIBLE + later })
+        };
+        let seen = if nothing { 0.0 } else { 1.0 };
         TransferSegment {
-            start: [part(), part(), part(), extinction],
-            slope: [part(), part(), part(), if index == 0 { 0.0 } else { part() - 0.5 }],
-            begins_at: if index == 0 { 0.0 } else { VISIBLE + later },
-            window_scale: 1.0,
-            window_offset: 0.0,
+            start: [part(), part(), part(), part() * 2.0 * seen],
+            slope: [part(), part(), part(), (part() - 0.5) * seen],
+            begins_at,
+            window_scale: if falling { -1.0 } else { 1.0 },
+            window_offset: if falling { 1.0 } else { 0.0 },
             unused_0: 0.0,
         }
     };

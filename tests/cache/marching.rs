@@ -1,9 +1,11 @@
 //! march_bricks.comp against its twin: rays through bricks that come and go, until every ray ends; and
 //! the end is the same, whatever came when.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use ashfall::gpu::{Buffer, ComputePipeline, Image, Sampler, SamplerFilter};
+use ashfall::gpu::{Buffer, ComputePipeline, Image, Sampler, SamplerFilter, ShaderCompiler};
+use ashfall::passes::SOURCES;
 use ashfall::passes::cache_buffers::CacheBuffers;
 use ashfall::passes::march_bricks::{self, RayBuffers, Resources};
 use ashfall::passes::march_shape::FilterShape;
@@ -38,7 +40,7 @@ const SPECS: &[Spec] = &[
     Spec { size: [13, 17, 10], payload: [4, 5, 3], level: 0, atlases: &[1], filter: FilterShape::Quads, early_stop: None, holes: false, segments: 3 },
     Spec { size: [21, 9, 30], payload: [8; 3], level: 0, atlases: &[2, 1], filter: FilterShape::Fetch, early_stop: Some(0.3), holes: true, segments: 2 },
     Spec { size: [23, 31, 17], payload: [4, 5, 3], level: 1, atlases: &[1, 1], filter: FilterShape::Quads, early_stop: Some(0.1), holes: true, segments: 4 },
-    Spec { size: [70, 51, 64], payload: [8; 3], level: 2, atlases: &[1], filter: FilterShape::Fetch, early_stop: None, holes: false, segments: 30 },
+    Spec { size: [140, 102, 128], payload: [8; 3], level: 2, atlases: &[1], filter: FilterShape::Fetch, early_stop: None, holes: false, segments: 30 },
     Spec { size: [41, 33, 1], payload: [8; 3], level: 1, atlases: &[3], filter: FilterShape::Quads, early_stop: None, holes: false, segments: 2 },
 ];
 
@@ -336,4 +338,60 @@ fn rays_through_bricks_equal_the_twin_and_end_alike_in_every_order() {
     for (seed, spec) in (800..).step_by(100).zip(SPECS) {
         check(&device, *spec, seed, 4);
     }
+}
+
+/// A shader, what it says, and what it would say with a fault.
+type Fault = (&'static str, &'static str, &'static str);
+
+#[rustfmt::skip]
+const FAULTS: &[Fault] = &[
+    ("rays.comp", "block_of_ray[ray] = fresh_block(push.level);", "block_of_ray[ray] = fresh_block(0u);"),
+    ("march_bricks.comp", "place = PLACE_RUNNING;\n        bool", "bool"),
+    ("march_bricks.comp", "waits = place < PLACE_RUNNING;", "waits = false;"),
+    ("march_bricks.comp", "atomicMin(round_progress.front, rank)", "atomicMax(round_progress.front, rank)"),
+    ("march_bricks.comp", "push.last != 0u && (counted || !all_ended)", "push.last != 0u && counted"),
+    ("common/brick_march.glsl", "return state <= ENTRY_EXPECTED;", "return state < ENTRY_EXPECTED;"),
+    ("common/brick_march.glsl", "        round_needed[slot] = round;\n", "        round_needed[slot] = 0u;\n"),
+    ("common/brick_march.glsl", "if (state == ENTRY_UNMAPPED) {\n        wish(entry);", "if (state <= ENTRY_EXPECTED) {\n        wish(entry);"),
+    ("common/brick_march.glsl", "missing = missing || NAME.state <= ENTRY_EXPECTED;", "missing = NAME.state <= ENTRY_EXPECTED;"),
+    ("common/brick_march.glsl", "nothing_here = nothing_here && NAME.has", "nothing_here = NAME.has"),
+    ("common/brick_march.glsl", "any(greaterThanEqual(voxel, box_end))", "any(greaterThan(voxel, box_end))"),
+    ("common/brick_march.glsl", "* 0.9999 - 0.01", "+ 1.01"),
+    ("common/brick_march.glsl", "mix(vec3(first - anchor_cell), vec3(end - anchor_cell)", "mix(vec3(end - anchor_cell), vec3(end - anchor_cell)"),
+    ("common/brick_march.glsl", "sample_index > skipped ? sample_index - skipped : 0u", "0u"),
+    ("common/brick_march.glsl", "partial.sample_index = state.next_sample < geometry.sample_count ? sample_index : 0u;", "partial.sample_index = 0u;"),
+    ("common/brick_march.glsl", "partial.transmitted = block.transmitted;", "partial.transmitted = 1.0;"),
+    ("common/brick_march.glsl", "if (attenuate(state.optical_depth).transmitted < early_stop)", "if (state.optical_depth > 0.0 && attenuate(state.optical_depth).transmitted < 2.0 * early_stop)"),
+    ("common/brick_march.glsl", "ivec3 corner = NAME.origin + voxel + 1;", "ivec3 corner = NAME.origin + voxel;"),
+    ("common/brick_march.glsl", "LEAVE_OUT_NAN(texel, classified) \\\n        classified = NAME.has", "classified = NAME.has"),
+    ("common/brick_march.glsl", "round_used[slot_first + payload] = round;", "round_used[payload] = round;"),
+    ("common/filter.glsl", "near.xz * without.x + near.yw", "near.xy * without.x + near.yw"),
+    ("common/classify.glsl", "precise float lost = state.optical_depth_rest + ", "precise float lost = "),
+];
+
+/// Each fault is noticed by some scene.
+#[test]
+fn planted_faults_are_noticed() {
+    let Some(mut device) = device() else { return };
+    if !device.same_bits() {
+        return;
+    }
+    // Without a fault there is nothing to notice.
+    let specs = [2, 1, 0, 3].map(|spec: usize| SPECS[spec]);
+    specs.iter().for_each(|spec| check(&device, *spec, 900, 3));
+    let mut unnoticed = Vec::new();
+    for (file, from, to) in FAULTS {
+        let mut sources = SOURCES.to_vec();
+        let source = sources.iter_mut().find(|(name, _)| name == file).expect("a shader");
+        assert_eq!(source.1.matches(from).count(), 1, "{file}: {from}");
+        source.1 = source.1.replace(from, to).leak();
+        device.compiler = ShaderCompiler::new(sources.leak(), None);
+        let noticed = specs
+            .iter()
+            .any(|spec| catch_unwind(AssertUnwindSafe(|| check(&device, *spec, 900, 3))).is_err());
+        if !noticed {
+            unnoticed.push((file, from, to));
+        }
+    }
+    assert!(unnoticed.is_empty(), "unnoticed: {unnoticed:#?}");
 }
