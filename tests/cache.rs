@@ -6,17 +6,27 @@
 mod common;
 mod truth;
 
+#[path = "cache/brick_scene.rs"]
+mod brick_scene;
 #[path = "cache/host.rs"]
 mod host;
 #[path = "cache/invariants.rs"]
 mod invariants;
+#[path = "cache/marching.rs"]
+mod marching;
 #[path = "cache/model.rs"]
 mod model;
 #[path = "cache/on_device.rs"]
 mod on_device;
+#[path = "cache/rank_order.rs"]
+mod rank_order;
 #[path = "cache/sequences.rs"]
 mod sequences;
 #[path = "cache/twin_round.rs"]
 mod twin_round;
+#[path = "cache/view_levels.rs"]
+mod view_levels;
+#[path = "twins/views.rs"]
+mod views;
 #[path = "cache/world.rs"]
 mod world;

@@ -12,7 +12,7 @@ use ashfall::twins::publish::Update;
 use ashfall::twins::ranks::rank_of_place;
 
 use crate::truth::Random;
-use crate::world::{View, World, below, chance, pick};
+use crate::world::{View, World, below, chance, draw, pick};
 
 /// A granted slot that waits for its brick.
 #[derive(Clone, Copy, Debug)]
@@ -46,12 +46,6 @@ fn of_entry(entry: u32, value: u32) -> Update {
 
 fn freed(slot: u32) -> Update {
     Update { entry: NOBODY, value: 0, slot, owner: OWNER_FREE }
-}
-
-/// A random element, taken out.
-fn draw<T>(random: &mut Random, from: &mut Vec<T>) -> Option<T> {
-    let at = below(random, from.len() as u32) as usize;
-    (!from.is_empty()).then(|| from.swap_remove(at))
 }
 
 impl Host {

@@ -65,7 +65,8 @@ pub struct Before {
 impl Before {
     pub fn of(cache: &Cache, world: &World, view: &View, shape: &CacheRound) -> Before {
         let mut needed_at = vec![None; world.slots as usize];
-        for slot in shape.slot_first as usize..(shape.slot_first + shape.slot_count) as usize {
+        for slot in shape.slot_first..shape.slot_first + shape.slot_count {
+            let slot = slot as usize;
             let owner = cache.slot_owner[slot];
             if owner >= OWNER_GRANTED {
                 continue;

@@ -32,7 +32,7 @@ pub struct CacheOnDevice<'d> {
     requests: Vec<[u32; 2]>,
 }
 
-fn write<T: bytemuck::NoUninit>(buffer: &Buffer, values: &[T]) {
+pub fn write<T: bytemuck::NoUninit>(buffer: &Buffer, values: &[T]) {
     buffer.write(0, bytemuck::cast_slice(values)).expect("written");
 }
 
@@ -147,18 +147,7 @@ impl<'d> CacheOnDevice<'d> {
 
     /// The device's own cache.
     pub fn read(&self) -> Result<Cache, String> {
-        let buffers = &self.buffers;
-        Ok(Cache {
-            page_table: self.values(&buffers.page_table)?,
-            slot_owner: self.values(&buffers.slot_owner)?,
-            slot_used: self.values(&buffers.slot_used)?,
-            slot_needed: self.optional(&buffers.slot_needed)?,
-            usage_order: self.values(&buffers.usage_order[self.order])?,
-            wished: self.values(&buffers.wished)?,
-            wish_weight: self.optional(&buffers.wish_weight)?,
-            touched: self.values(&buffers.touched)?,
-            progress: self.values::<Progress>(&buffers.progress)?[0],
-        })
+        read(self.device, &self.buffers, self.order)
     }
 
     /// Every buffer against the twins' after a round.
@@ -201,17 +190,36 @@ impl<'d> CacheOnDevice<'d> {
     }
 
     fn values<T: bytemuck::Pod>(&self, buffer: &Buffer) -> Result<Vec<T>, String> {
-        let mut numbers = self.device.values::<u32>(buffer);
-        let behind = numbers.split_off(numbers.len() - BEHIND);
-        if behind != [0; BEHIND] {
-            return Err(format!("{}: written behind it", buffer.name()));
-        }
-        Ok(bytemuck::cast_slice(&numbers).to_vec())
+        values(self.device, buffer)
     }
+}
 
-    fn optional(&self, buffer: &Option<Buffer>) -> Result<Vec<u32>, String> {
-        buffer.as_ref().map_or(Ok(Vec::new()), |buffer| self.values(buffer))
+/// What a buffer made by [`buffers`] holds.
+fn values<T: bytemuck::Pod>(device: &Device, buffer: &Buffer) -> Result<Vec<T>, String> {
+    let mut numbers = device.values::<u32>(buffer);
+    let behind = numbers.split_off(numbers.len() - BEHIND);
+    if behind != [0; BEHIND] {
+        return Err(format!("{}: written behind it", buffer.name()));
     }
+    Ok(bytemuck::cast_slice(&numbers).to_vec())
+}
+
+/// The device's cache, with one of the usage orders.
+pub fn read(device: &Device, buffers: &CacheBuffers, order: usize) -> Result<Cache, String> {
+    let optional = |buffer: &Option<Buffer>| {
+        buffer.as_ref().map_or(Ok(Vec::new()), |buffer| values(device, buffer))
+    };
+    Ok(Cache {
+        page_table: values(device, &buffers.page_table)?,
+        slot_owner: values(device, &buffers.slot_owner)?,
+        slot_used: values(device, &buffers.slot_used)?,
+        slot_needed: optional(&buffers.slot_needed)?,
+        usage_order: values(device, &buffers.usage_order[order])?,
+        wished: values(device, &buffers.wished)?,
+        wish_weight: optional(&buffers.wish_weight)?,
+        touched: values(device, &buffers.touched)?,
+        progress: values::<Progress>(device, &buffers.progress)?[0],
+    })
 }
 
 /// The device's cache against the twins'.

@@ -173,3 +173,9 @@ pub fn pick<T: Copy>(random: &mut Random, from: &[T]) -> T {
 pub fn chance(random: &mut Random, of: f64) -> bool {
     random.unit() < of
 }
+
+/// A random element, taken out.
+pub fn draw<T>(random: &mut Random, from: &mut Vec<T>) -> Option<T> {
+    let at = below(random, from.len() as u32) as usize;
+    (!from.is_empty()).then(|| from.swap_remove(at))
+}
