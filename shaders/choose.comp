@@ -12,7 +12,6 @@
 #extension GL_GOOGLE_include_directive : require
 #include "common/limits.glsl"
 #include "common/cache.glsl"
-#include "common/answer.glsl"
 
 layout(local_size_x = CACHE_GROUP) in;
 

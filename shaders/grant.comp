@@ -24,9 +24,7 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "common/limits.glsl"
-#include "common/progress.glsl"
 #include "common/cache.glsl"
-#include "common/answer.glsl"
 #include "common/ranks.glsl"
 
 layout(local_size_x = CACHE_GROUP) in;
@@ -48,8 +46,7 @@ layout(std430) writeonly buffer requests { uvec2 entry_and_rank[]; };
 layout(std430) buffer answers { Answer answer_of_atlas[]; };
 layout(push_constant) uniform Push { CacheRound cache; } push;
 
-#include "common/slots.glsl"
-#include "common/wishes.glsl"
+#include "common/ranking.glsl"
 
 void order_and_grant(CacheRound cache, uint chunk, ChunkCounts before, ChunkCounts all) {
     uint end = min((chunk + 1u) * CHUNK_SLOTS, cache.slot_count);

@@ -28,7 +28,7 @@
 #include "common/limits.glsl"
 #include "common/ray.glsl"
 #include "common/ray_block.glsl"
-#include "common/progress.glsl"
+#include "common/cache.glsl"
 #ifdef SEVERAL_LEVELS
 #include "common/ray_setup.glsl"
 #endif

@@ -11,7 +11,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/limits.glsl"
-#include "common/progress.glsl"
+#include "common/cache.glsl"
 
 layout(local_size_x = CACHE_GROUP) in;
 

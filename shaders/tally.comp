@@ -18,7 +18,6 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "common/limits.glsl"
-#include "common/progress.glsl"
 #include "common/cache.glsl"
 #include "common/ranks.glsl"
 
@@ -35,8 +34,7 @@ layout(std430) readonly buffer wish_weight { uint weight_of_entry[]; };
 #endif
 layout(push_constant) uniform Push { CacheRound cache; } push;
 
-#include "common/slots.glsl"
-#include "common/wishes.glsl"
+#include "common/ranking.glsl"
 
 void main() {
     CacheRound cache = push.cache;

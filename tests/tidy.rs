@@ -74,8 +74,9 @@ const ROOMS_OF_CRATES: &[(&str, &[&str])] =
     &[("ash", &["gpu"]), ("gpu_allocator", &["gpu"]), ("clap", &["cli"]), ("toml", &["scene"])];
 
 /// Files in src/passes and src/twins that belong to no shader.
-/// `march_shape`: what cast and march share.
-const PASSES_ALONE: &[&str] = &["march_shape", "mod", "sources"];
+/// `march_shape`: what cast and march share; `brick_shape`: what shapes march_bricks; `cache_buffers`:
+/// what the passes that manage the cache share.
+const PASSES_ALONE: &[&str] = &["brick_shape", "cache_buffers", "march_shape", "mod", "sources"];
 const TWINS_ALONE: &[&str] = &["mod"];
 
 /// Files that may be longer than [`LINES_MAX`], and why.
@@ -402,6 +403,9 @@ fn limits(glsl: &str, rust: &str) -> Vec<String> {
 
 fn number(text: &str) -> Option<f64> {
     let text = text.trim().replace('_', "");
+    if let Some(digits) = text.strip_prefix("0x") {
+        return u32::from_str_radix(digits.trim_end_matches('u'), 16).ok().map(f64::from);
+    }
     let text = text.trim_end_matches("u32").trim_end_matches("f32").trim_end_matches(['u', 'f']);
     text.parse().ok()
 }

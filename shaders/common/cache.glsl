@@ -1,4 +1,4 @@
-// cache.glsl: what the passes that manage one atlas share. twin: src/twins/cache.rs
+// cache.glsl: what the passes that manage an atlas share. twin: src/twins/cache.rs
 
 // One atlas in the buffers that all atlases share, and this round.
 struct CacheRound {
@@ -52,3 +52,23 @@ uint chunks_of_slots(CacheRound cache) {
 uint chunks_of_words(CacheRound cache) {
     return (cache.word_count + CHUNK_WORDS - 1u) / CHUNK_WORDS;
 }
+
+// How far the rays of a round have come.
+struct Progress {
+    uint front;     // least rank at which a ray waits or stands; RANK_NONE: every ray has ended
+    uint waiting;   // rays that wait for a brick; in substitute refinement: that took a coarser one
+    uint running;   // rays that used up the round's steps
+    uint moved;      // rays that did not wait all the round, once per dispatch
+};
+
+// What a round tells the host of one atlas.
+struct Answer {
+    uint wished;        // wishes
+    uint first_rank;    // least rank of a wish; RANK_NONE: there is none
+    uint first_wishes;  // wishes of that rank
+    uint dead;          // slots that nobody needs
+    uint live;          // slots that may be needed again
+    uint grants;        // slots granted, in the list of grants
+    uint requests;      // in the list of requests
+    uint touched;       // bricks that rays used for the first time since the list of them was cleared
+};

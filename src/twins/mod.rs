@@ -20,6 +20,7 @@ pub mod march_bricks;
 pub mod place;
 pub mod probe;
 pub mod publish;
+pub mod ranking;
 pub mod ranks;
 pub mod ray;
 pub mod ray_block;

@@ -1,9 +1,12 @@
-// slots.glsl: whether a slot may be given up, and in which order. Includers declare slot_owner. twin: src/twins/cache.rs
+// ranking.glsl: whether a slot may be given up, and how urgent a wish is. twin: src/twins/ranking.rs
 //
 // binds    slot_used    [slot]  round in which a ray last used it
-//          slot_needed  [slot]  round in which a waiting ray last needed it; exact refinement alone
+//          slot_needed  [slot]  round in which a waiting ray last needed it; guarded order alone
 // variants SUBSTITUTE: what this round used stays, and so do levels that are held;
-//          PAPERS: nothing stays but by use, as in the papers
+//          PAPERS: nothing stays but by use, as in the papers;
+//          WEIGHTS: wishes by weight, heaviest first; else by where in the view a ray waits
+//
+// Includers declare slot_owner, and wish_weight where wishes have weights.
 
 layout(std430) readonly buffer slot_used { uint round_used[]; };
 #ifdef SUBSTITUTE
@@ -33,5 +36,18 @@ uint rank_of_slot(CacheRound cache, uint slot, uint front) {
     // unless it waits for another brick of that place.
     bool passed = rank < front || (rank == front && round_needed[slot] != cache.round);
     return rank >= cache.ranks || passed ? SLOT_DEAD : rank;
+#endif
+}
+
+// `entry` counts from the atlas's first.
+uint rank_of_wish(CacheRound cache, uint entry) {
+#ifdef WEIGHTS
+    uint weight = max(weight_of_entry[cache.entry_first + entry], 1u);
+    uint doublings = uint(findMSB(weight));
+    // The two bits after the leading one.
+    uint quarter = (doublings >= 2u ? weight >> (doublings - 2u) : weight << (2u - doublings)) & 3u;
+    return WEIGHT_RANKS - 1u - (doublings * 4u + quarter);
+#else
+    return rank_of_place(entry / cache.channels);
 #endif
 }
