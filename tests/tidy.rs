@@ -74,9 +74,14 @@ const ROOMS_OF_CRATES: &[(&str, &[&str])] =
     &[("ash", &["gpu"]), ("gpu_allocator", &["gpu"]), ("clap", &["cli"]), ("toml", &["scene"])];
 
 /// Files in src/passes and src/twins that belong to no shader.
-/// `march_shape`: what cast and march share.
-const PASSES_ALONE: &[&str] = &["march_shape", "mod", "sources"];
+/// `march_shape`: what cast and march share; `brick_shape`: what march_bricks is shaped by;
+/// `cache_buffers`: what all passes of the cache share.
+const PASSES_ALONE: &[&str] = &["brick_shape", "cache_buffers", "march_shape", "mod", "sources"];
 const TWINS_ALONE: &[&str] = &["mod"];
+/// Files in shaders/common that are parts of another one's twin: GLSL needs them apart, since shaders
+/// bind different buffers.
+const PARTS_OF_TWINS: &[(&str, &str)] =
+    &[("answer", "cache"), ("progress", "cache"), ("slots", "cache"), ("wishes", "cache")];
 
 /// Files that may be longer than [`LINES_MAX`], and why.
 const LONG_FILES: &[(&str, &str)] = &[
@@ -261,7 +266,11 @@ fn mirror(files: &[File], sources: &[File]) -> Vec<String> {
         names.into_iter().filter(|name| !alone.contains(&name.as_str())).collect()
     };
     compare("src/passes/*.rs", &shaders, without(names("src/passes/", ".rs"), PASSES_ALONE));
-    let both = shaders.union(&common).cloned().collect();
+    let twin = |name: &String| {
+        let part = PARTS_OF_TWINS.iter().find(|(part, _)| part == name);
+        part.map_or(name.clone(), |(_, whole)| (*whole).to_owned())
+    };
+    let both = shaders.iter().cloned().chain(common.iter().map(twin)).collect();
     compare("src/twins/*.rs", &both, without(names("src/twins/", ".rs"), TWINS_ALONE));
     for name in shaders.intersection(&common) {
         wrong.push(format!(
@@ -402,6 +411,10 @@ fn limits(glsl: &str, rust: &str) -> Vec<String> {
 
 fn number(text: &str) -> Option<f64> {
     let text = text.trim().replace('_', "");
+    if let Some(digits) = text.strip_prefix("0x") {
+        let digits = digits.trim_end_matches("u32").trim_end_matches('u');
+        return u32::from_str_radix(digits, 16).ok().map(f64::from);
+    }
     let text = text.trim_end_matches("u32").trim_end_matches("f32").trim_end_matches(['u', 'f']);
     text.parse().ok()
 }
@@ -642,6 +655,9 @@ fn banned_words_are_noticed() {
 #[test]
 fn unequal_limits_are_noticed() {
     let rust = "pub const A: u32 = 32;\npub const B: f32 = 1.0e6;\n";
+    let mask = "pub const M: u32 = 0x0fff_ffff;";
+    assert_eq!(limits("#define M 0x0fffffffu", mask), Vec::<String>::new());
+    draws(|_| limits("#define M 0x0ffffffeu", mask), &[(&[], "M")]);
     assert_eq!(limits("#define A 32u\n#define B 1.0e6 // b", rust), Vec::<String>::new());
     for (glsl, word) in [
         ("#define A 33u\n#define B 1.0e6", "33"),
