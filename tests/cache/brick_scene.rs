@@ -2,7 +2,7 @@
 
 use ashfall::gpu::{Image, ImageFormat};
 use ashfall::passes::brick_shape::{AtlasShape, BrickShape};
-use ashfall::passes::cache_buffers::RankShape;
+use ashfall::passes::cache_buffers::{RankOrder, RankShape};
 use ashfall::passes::march_shape::{ChannelShape, FilterShape, Shape};
 use ashfall::twins::brick_march::{Channel, Scene};
 use ashfall::twins::filter::Texels;
@@ -172,7 +172,7 @@ impl BrickScene {
             },
             places: self.places.clone(),
             atlases: self.world.atlases.iter().map(atlas).collect(),
-            ranks: RankShape { levels: self.levels.count() as u32, substitute: false },
+            ranks: RankShape { levels: self.levels.count() as u32, order: RankOrder::Guarded },
             several_levels: false,
             views: 1,
             skipping,

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ashfall::gpu::{Buffer, ComputePipeline};
-use ashfall::passes::cache_buffers::{CacheBuffers, RankShape};
+use ashfall::passes::cache_buffers::{CacheBuffers, RankOrder, RankShape};
 use ashfall::passes::{choose, count, grant, publish, scan, tally};
 use ashfall::twins::cache::{Answer, Cache, CacheRound, Choice, ChunkCounts, Progress, Tallies};
 use ashfall::twins::publish::{Push, Update};
@@ -69,8 +69,11 @@ pub fn buffers(device: &Device, world: &World, cache: &Cache) -> CacheBuffers {
 
 impl<'d> CacheOnDevice<'d> {
     pub fn new(device: &'d Device, world: &World, cache: &Cache) -> CacheOnDevice<'d> {
-        let ranks =
-            RankShape { levels: world.plan.levels.len() as u32, substitute: world.plan.substitute };
+        let order = match world.plan.substitute {
+            true => RankOrder::Substitute,
+            false => RankOrder::Guarded,
+        };
+        let ranks = RankShape { levels: world.plan.levels.len() as u32, order };
         CacheOnDevice {
             device,
             publish: device.pipeline(&publish::variant()),

@@ -186,8 +186,7 @@ fn renders_of_every_format_equal_the_twin() {
         let (plain, samples, step_world) = drawn(&device, &data, only(Layout::Plain));
         let step_world = step_world.expect("not homogeneous");
         let (quads, _, _) = drawn(&device, &data, only(Layout::Quads));
-        let small =
-            Settings { tile: [9, 7], steps_per_dispatch: 32, ..only(Layout::Quads) };
+        let small = Settings { tile: [9, 7], steps_per_dispatch: 32, ..only(Layout::Quads) };
         let (tiles, _, _) = drawn(&device, &data, small.checked().expect("good settings"));
         let covered = plain.pixels.iter().filter(|pixel| pixel[3] > 0.1).count();
         assert!(covered > 50, "{what}: {covered} pixels show something");
