@@ -73,7 +73,8 @@ ivec3 origin_of_slot(uint slot, uvec2 slots_across) {
     return ivec3(slot % slots_across.x, row % slots_across.y, row / slots_across.y) * ivec3(SLOT);
 }
 
-// What one channel has in a brick; `origin` is the texel of the voxel that comes before the brick's.
+// What one channel has in a brick; `origin` is the texel of the cell at the block's anchor (in a coarser
+// level: of that level's cell 0).
 struct Found {
     uint has;
     uint state;
@@ -89,25 +90,36 @@ void take(inout Found found, uint round, uint value, uint slot_first, uvec2 slot
     uint payload = value & ENTRY_PAYLOAD_MASK;
     found.state = state;
     found.has = HAS_NOTHING;
+    // Where nothing is in a slot, the first slot is fetched from and not used.
+    found.origin = -brick * ivec3(PAYLOAD);
     if (state == ENTRY_MAPPED) {
         found.has = HAS_SLOT;
-        found.origin = origin_of_slot(payload, slots_across) - brick * ivec3(PAYLOAD);
+        found.origin += origin_of_slot(payload, slots_across);
         round_used[slot_first + payload] = round;
     }
-    if (state == ENTRY_CONSTANT) {
+    // A loop of one turn, see march_bricks.
+    for (bool constant = state == ENTRY_CONSTANT; constant; constant = false) {
         found.has = HAS_CONSTANT;
         found.texel = constant_texels[payload];
     }
 }
 
+// Where a level's bricks stand among all places.
+struct LevelPlaces {
+    uvec3 bricks;  // along each axis
+    uint first;
+};
+
+uint place_of_brick(LevelPlaces places, ivec3 brick) {
+    uvec3 at = uvec3(brick);
+    return places.first + (at.z * places.bricks.y + at.y) * places.bricks.x + at.x;
+}
+
 // `entry_first` and `channels` as in CacheRound; `channel` counts within the atlas.
 Found look_up(
-    uint round, uint level, ivec3 brick, uint entry_first, uint channels, uint channel, uint slot_first,
-    uvec2 slots_across, uint weight
+    uint round, uint level, uint place, ivec3 brick, ivec3 anchor_cell, uint entry_first, uint channels,
+    uint channel, uint slot_first, uvec2 slots_across, uint weight
 ) {
-    uvec3 bricks = level_views[level].bricks;
-    uint place = level_views[level].first_place
-        + (uint(brick.z) * bricks.y + uint(brick.y)) * bricks.x + uint(brick.x);
     uint entry = entry_first + place * channels + channel;
     Found found;
     found.origin = ivec3(0);
@@ -124,16 +136,19 @@ Found look_up(
     uint missed = found.state;
     bool wanted = missed <= ENTRY_EXPECTED || missed == ENTRY_FAILED;
     for (uint coarser = level + 1u; wanted && coarser < LEVELS; ++coarser) {
-        bricks = level_views[coarser].bricks;
         uvec3 shift = level_views[coarser].halvings - level_views[level].halvings;
         ivec3 above = brick >> ivec3(shift);
-        place = level_views[coarser].first_place
-            + (uint(above.z) * bricks.y + uint(above.y)) * bricks.x + uint(above.x);
-        take(found, round, entries[entry_first + place * channels + channel], slot_first, slots_across, above);
+        LevelPlaces places =
+            LevelPlaces(level_views[coarser].bricks, level_views[coarser].first_place);
+        entry = entry_first + place_of_brick(places, above) * channels + channel;
+        take(found, round, entries[entry], slot_first, slots_across, above);
         found.shift = shift;
         wanted = found.state <= ENTRY_EXPECTED || found.state == ENTRY_FAILED;
     }
     found.state = missed;
+    found.origin += 1;
+#else
+    found.origin += anchor_cell + 1;
 #endif
     return found;
 }
@@ -146,64 +161,80 @@ Found look_up(
 #define REMEMBER(NAME)
 #endif
 
+// Runs of samples in one brick that are known at a time: as many as a block crosses where its samples
+// lie no more than a voxel apart and bricks are no smaller than a block.
+#define RUNS 4u
+#define FOUND(NAME) Found NAME##_0, NAME##_1, NAME##_2, NAME##_3;
+
 #define LOOK_UP(NAME, ENTRY_FIRST, CHANNELS, CHANNEL, SLOT_FIRST, SLOTS_ACROSS) \
-    NAME = look_up( \
-        round, level, brick, ENTRY_FIRST, CHANNELS, CHANNEL, SLOT_FIRST, SLOTS_ACROSS, weight); \
-    missing = missing || NAME.state <= ENTRY_EXPECTED; \
-    nothing_here = nothing_here && NAME.has == HAS_NOTHING; \
-    REMEMBER(NAME)
+    { \
+        Found found = look_up( \
+            round, level, brick_place, brick, anchor.cell, ENTRY_FIRST, CHANNELS, CHANNEL, SLOT_FIRST, \
+            SLOTS_ACROSS, weight); \
+        missing = missing || found.state <= ENTRY_EXPECTED; \
+        nothing_here = nothing_here && found.has == HAS_NOTHING; \
+        REMEMBER(found) \
+        if (run == 0u) { NAME##_0 = found; } \
+        if (run == 1u) { NAME##_1 = found; } \
+        if (run == 2u) { NAME##_2 = found; } \
+        if (run == 3u) { NAME##_3 = found; } \
+    }
+
+// The run that a sample lies in, by the runs it is past.
+#define OF_RUN(FIELD, NAME) \
+    (past.z ? NAME##_3.FIELD : past.y ? NAME##_2.FIELD : past.x ? NAME##_1.FIELD : NAME##_0.FIELD)
 
 #ifdef SUBSTITUTE
 #define CELL_AND_WITHIN(NAME) \
-    ivec3 shift = ivec3(NAME.shift); \
+    ivec3 shift = ivec3(OF_RUN(shift, NAME)); \
     ivec3 base = anchor.cell >> shift; \
     vec3 rest = vec3(anchor.cell - (base << shift)); \
     vec3 coarse = (rest + position + 0.5) / vec3(ivec3(1) << shift) - 0.5; \
-    bvec3 substituted = notEqual(shift, ivec3(0)); \
-    vec3 place_in = mix(position, coarse, substituted); \
+    vec3 place_in = mix(position, coarse, notEqual(shift, ivec3(0))); \
     vec3 cell_in = floor(place_in); \
     vec3 within = place_in - cell_in; \
-    ivec3 corner = NAME.origin + base + ivec3(cell_in) + 1;
+    ivec3 corner = OF_RUN(origin, NAME) + base + ivec3(cell_in);
 #else
 #define CELL_AND_WITHIN(NAME) \
     vec3 within = within_cell; \
-    ivec3 corner = NAME.origin + voxel + 1;
+    ivec3 corner = OF_RUN(origin, NAME) + ivec3(cell);
 #endif
 
 #define SAMPLE_SCALAR(NAME, ATLAS, SEGMENTS) \
     { \
         CELL_AND_WITHIN(NAME) \
-        corner = NAME.has == HAS_SLOT ? corner : ivec3(0); \
+        uint has = OF_RUN(has, NAME); \
         float texel = filtered_scalar(atlases[ATLAS], corner, within); \
-        texel = NAME.has == HAS_SLOT ? texel : NAME.texel.a; \
+        texel = has == HAS_SLOT ? texel : OF_RUN(texel.a, NAME); \
         float windowed = clamp(texel * NAME##_window_scale + NAME##_window_offset, 0.0, 1.0); \
         vec4 classified; \
         CLASSIFY(NAME, windowed, SEGMENTS, classified) \
         LEAVE_OUT_NAN(texel, classified) \
-        classified = NAME.has == HAS_NOTHING ? vec4(0.0) : classified; \
+        classified.a = has == HAS_NOTHING ? 0.0 : classified.a; \
         mix_in(medium, classified.rgb, classified.a); \
     }
 
 #define SAMPLE_RGBA(NAME, ATLAS, SEGMENTS) \
     { \
         CELL_AND_WITHIN(NAME) \
-        corner = NAME.has == HAS_SLOT ? corner : ivec3(0); \
+        uint has = OF_RUN(has, NAME); \
         vec4 texel = filtered(atlases[ATLAS], corner, within); \
-        texel = NAME.has == HAS_SLOT ? texel : NAME.texel; \
+        texel = has == HAS_SLOT ? texel : OF_RUN(texel, NAME); \
         float windowed = clamp(texel.a * NAME##_window_scale + NAME##_window_offset, 0.0, 1.0); \
         vec4 classified; \
         CLASSIFY(NAME, windowed, SEGMENTS, classified) \
-        classified = NAME.has == HAS_NOTHING ? vec4(0.0) : classified; \
+        classified.a = has == HAS_NOTHING ? 0.0 : classified.a; \
         mix_in(medium, texel.rgb * classified.rgb, classified.a); \
     }
 
-// How many samples, this one included, surely lie in the box that begins at `first`.
-uint samples_inside(vec3 position, vec3 step_voxel, ivec3 first, ivec3 end, ivec3 anchor_cell) {
-    vec3 ahead = mix(vec3(first - anchor_cell), vec3(end - anchor_cell), greaterThan(step_voxel, vec3(0.0)));
-    vec3 count = mix(
-        (ahead - position) / step_voxel, vec3(1.0e9), equal(step_voxel, vec3(0.0)));
-    // A little less than computed: rounding must not skip what lies beyond.
-    return uint(max(min(min(count.x, count.y), count.z) * 0.9999 - 0.01, 1.0));
+// How many samples, this one included, lie in the brick whose first voxel is `first`. Rounding may add
+// or take away one at the border: half a voxel on both sides of it can be had from either brick.
+uint samples_until_border(vec3 position, vec3 step_voxel, ivec3 first, ivec3 anchor_cell) {
+    ivec3 near = first - anchor_cell;
+    vec3 ahead = mix(vec3(near), vec3(near + ivec3(PAYLOAD)), greaterThan(step_voxel, vec3(0.0)));
+    vec3 still = vec3(equal(step_voxel, vec3(0.0)));
+    vec3 count = (ahead - (position + 0.5)) / (step_voxel + still) + still * 1.0e9;
+    return uint(clamp(ceil(min(min(count.x, count.y), count.z)), 1.0, 1.0e9));
 }
 
 // Takes up to blocks_left blocks of samples of one level; stops, with `place` saying where, at the first
@@ -216,66 +247,68 @@ void march_bricks(
     Fixed3 delta = Fixed3(geometry.delta_cell, geometry.delta_fraction);
     vec3 step_voxel = fixed_float(delta);
     uint level = partial.level;
+    LevelPlaces places = LevelPlaces(level_views[level].bricks, level_views[level].first_place);
     LOAD_CHANNELS
 
-    // The box of cells around the sample in whose brick everything is known.
-    ivec3 box_first = ivec3(0);
-    ivec3 box_end = ivec3(0);
-    bool nothing_here = false;
     bool missing = false;
     uint sample_index = partial.sample_index;
     Block block = Block(partial.color, partial.depth, partial.transmitted);
 
-    for (; blocks_left > 0u && state.next_sample < geometry.sample_count && !missing; --blocks_left) {
+    while (blocks_left > 0u && state.next_sample < geometry.sample_count && !missing) {
         Fixed3 anchor = fixed_advance(start, delta, state.next_sample);
         vec3 anchor_fraction = fixed_fraction(anchor.fraction);
         uint samples = min(BLOCK_SAMPLES, geometry.sample_count - state.next_sample);
-        while (sample_index < samples) {
+        // First the bricks that the block goes through, then its samples: where the CPU runs shaders,
+        // a whole group pays for what one of its rays does in the loop over samples.
+        uvec4 run_end = uvec4(0xffffffffu);
+        uvec4 skip_to = uvec4(0u);
+        uint known = sample_index;
+        for (uint run = 0u; run < RUNS && known < samples && !missing; ++run) {
+            vec3 position = anchor_fraction + float(known) * step_voxel;
+            ivec3 voxel = anchor.cell + ivec3(floor(position + 0.5));
+            ivec3 brick = ivec3(
+                min(uvec3(max(voxel, ivec3(0))) / PAYLOAD, places.bricks - 1u));
+            uint brick_place = place_of_brick(places, brick);
+#ifdef SUBSTITUTE
+            float transmitted = attenuate(state.optical_depth).transmitted * block.transmitted;
+            uint weight = 1u + uint(transmitted * 255.0);
+#else
+            uint weight = 0u;
+#endif
+            bool nothing_here = true;
+            LOOK_UP_CHANNELS
+#ifdef SUBSTITUTE
+            partial.met |= missing ? MET_PENDING : 0u;
+            missing = false;
+#else
+            place = missing ? brick_place : place;
+#endif
+            uint end = known
+                + samples_until_border(position, step_voxel, brick * ivec3(PAYLOAD), anchor.cell);
+            known = missing ? known : end;
+            run_end[run] = known;
+            skip_to[run] = nothing_here ? known : 0u;
+        }
+        uint end = min(known, samples);
+        while (sample_index < end) {
+            bvec3 past = greaterThanEqual(uvec3(sample_index), run_end.xyz);
             vec3 position = anchor_fraction + float(sample_index) * step_voxel;
             vec3 cell = floor(position);
             vec3 within_cell = position - cell;
-            ivec3 voxel = anchor.cell + ivec3(cell);
-            // A loop of one turn: where nobody has to look anything up, nobody pays.
-            for (bool outside = any(lessThan(voxel, box_first)) || any(greaterThanEqual(voxel, box_end));
-                outside; outside = false) {
-                ivec3 brick = max(voxel, ivec3(0)) / ivec3(PAYLOAD);
-                box_first = brick * ivec3(PAYLOAD) - ivec3(equal(brick, ivec3(0)));
-                box_end = (brick + 1) * ivec3(PAYLOAD);
-#ifdef SUBSTITUTE
-                float transmitted = attenuate(state.optical_depth).transmitted * block.transmitted;
-                uint weight = 1u + uint(transmitted * 255.0);
-#else
-                uint weight = 0u;
-#endif
-                nothing_here = true;
-                LOOK_UP_CHANNELS
-#ifdef SUBSTITUTE
-                partial.met |= missing ? MET_PENDING : 0u;
-                missing = false;
-#else
-                if (missing) {
-                    uvec3 bricks = level_views[level].bricks;
-                    place = level_views[level].first_place
-                        + (uint(brick.z) * bricks.y + uint(brick.y)) * bricks.x + uint(brick.x);
-                }
-#endif
-            }
-            if (missing) {
-                break;
-            }
-#ifdef SKIPPING
-            if (nothing_here) {
-                sample_index += samples_inside(position, step_voxel, box_first, box_end, anchor.cell);
-                continue;
-            }
-#endif
             Medium medium = Medium(vec3(0.0), 0.0);
             SAMPLE_CHANNELS
             composite(block, medium, geometry.step_world);
+#ifdef SKIPPING
+            uint skip = past.z ? skip_to.w : past.y ? skip_to.z : past.x ? skip_to.y : skip_to.x;
+            state.samples_taken += skip > sample_index ? 0u : 1u;
+            sample_index = max(sample_index + 1u, skip);
+#else
             state.samples_taken += 1u;
             sample_index += 1u;
+#endif
         }
-        if (!missing) {
+        if (sample_index >= samples) {
+            --blocks_left;
             join_block(state, block);
             block = Block(vec3(0.0), 0.0, 1.0);
             // Blocks that were skipped whole change nothing.

@@ -49,7 +49,7 @@ impl BrickShape {
         for (index, (atlas, channel)) in self.places.iter().enumerate() {
             let AtlasShape { entry_first, channels, slot_first, slots_across: [x, y] } =
                 self.atlases[*atlas];
-            declare += &format!("Found channel_{index}; ");
+            declare += &format!("FOUND(channel_{index}) ");
             look_up += &format!(
                 "LOOK_UP(channel_{index}, {entry_first}u, {channels}u, {channel}u, {slot_first}u, uvec2({x}, {y})) "
             );

@@ -104,74 +104,75 @@ pub fn march_bricks(
     let delta = Fixed3 { cell: geometry.delta_cell, fraction: geometry.delta_fraction };
     let step_voxel = fixed_float(delta);
     let level = &scene.levels[partial.level as usize];
-    let mut found: Vec<Has> = Vec::new();
-    let (mut box_first, mut box_end) = ([0; 3], [0; 3]);
     let mut missing = None;
     let mut sample_index = partial.sample_index;
     let mut block =
         Block { color: partial.color, depth: partial.depth, transmitted: partial.transmitted };
-    for _ in 0..settings.blocks_max {
-        if state.next_sample >= geometry.sample_count || missing.is_some() {
-            break;
-        }
+    let mut blocks_left = settings.blocks_max;
+    while blocks_left > 0 && state.next_sample < geometry.sample_count && missing.is_none() {
         let anchor = fixed_advance(start, delta, state.next_sample);
         let anchor_fraction = fixed_fraction(anchor.fraction);
         let samples = BLOCK_SAMPLES.min(geometry.sample_count - state.next_sample);
+        let at = |index: u32| -> [f32; 3] {
+            std::array::from_fn(|a| anchor_fraction[a] + index as f32 * step_voxel[a])
+        };
         while sample_index < samples {
-            let position: [f32; 3] =
-                std::array::from_fn(|a| anchor_fraction[a] + sample_index as f32 * step_voxel[a]);
-            let cell = position.map(f32::floor);
-            let within = std::array::from_fn(|a| position[a] - cell[a]);
-            let voxel: [i32; 3] = std::array::from_fn(|a| anchor.cell[a] + cell[a] as i32);
-            if (0..3).any(|a| voxel[a] < box_first[a] || voxel[a] >= box_end[a]) {
-                let brick: [i32; 3] = std::array::from_fn(|a| voxel[a].max(0) / scene.payload[a]);
-                box_first =
-                    std::array::from_fn(|a| brick[a] * scene.payload[a] - i32::from(brick[a] == 0));
-                box_end = std::array::from_fn(|a| (brick[a] + 1) * scene.payload[a]);
-                let place = place_of_brick(level, brick);
-                found.clear();
-                for channel in scene.channels {
-                    let (has, state) = look_up(cache, scene, channel, place, brick, settings.round);
-                    found.push(has);
-                    if state <= ENTRY_EXPECTED {
-                        missing = Some(place);
-                    }
-                    partial.met |= match state {
-                        ENTRY_FAILED => MET_FAILED,
-                        ENTRY_ABSENT => MET_ABSENT,
-                        _ => 0,
-                    };
+            // A run of samples in one brick.
+            let position = at(sample_index);
+            let brick: [i32; 3] = std::array::from_fn(|a| {
+                let voxel = anchor.cell[a] + (position[a] + 0.5).floor() as i32;
+                (voxel.max(0) / scene.payload[a]).min(level.bricks[a] as i32 - 1)
+            });
+            let place = place_of_brick(level, brick);
+            let mut found = Vec::new();
+            for channel in scene.channels {
+                let (has, state) = look_up(cache, scene, channel, place, brick, settings.round);
+                found.push(has);
+                if state <= ENTRY_EXPECTED {
+                    missing = Some(place);
                 }
+                partial.met |= match state {
+                    ENTRY_FAILED => MET_FAILED,
+                    ENTRY_ABSENT => MET_ABSENT,
+                    _ => 0,
+                };
             }
             if missing.is_some() {
                 break;
             }
+            let first = std::array::from_fn(|a| brick[a] * scene.payload[a] - anchor.cell[a]);
+            let run = samples_until_border(position, step_voxel, first, scene.payload);
+            let run_end = sample_index + run;
             if scene.skipping && found.iter().all(|has| matches!(has, Has::Nothing)) {
-                let ends = (box_first, box_end);
-                sample_index += samples_inside(position, step_voxel, ends, anchor.cell);
+                sample_index = run_end;
                 continue;
             }
-            let mut medium = Medium::new(scene.channels.len() > 1);
-            for (channel, has) in scene.channels.iter().zip(&found) {
-                let texel = match *has {
-                    Has::Nothing => f32::NAN,
-                    Has::Constant(texel) => texel,
-                    Has::Slot { origin } => {
-                        let corner = std::array::from_fn(|a| origin[a] + voxel[a] + 1);
-                        filtered(&channel.atlas, corner, within, |texel| [texel])[0]
-                    }
-                };
-                medium.mix_in(if texel.is_nan() {
-                    [0.0; 4]
-                } else {
-                    classify(channel.segments, texel)
-                });
+            while sample_index < run_end.min(samples) {
+                let position = at(sample_index);
+                let cell = position.map(f32::floor);
+                let within = std::array::from_fn(|a| position[a] - cell[a]);
+                let mut medium = Medium::new(scene.channels.len() > 1);
+                for (channel, has) in scene.channels.iter().zip(&found) {
+                    let classified = match *has {
+                        Has::Nothing => [0.0; 4],
+                        Has::Constant(texel) => classified_or_nothing(channel.segments, texel),
+                        Has::Slot { origin } => {
+                            let corner = std::array::from_fn(|a| {
+                                origin[a] + anchor.cell[a] + 1 + cell[a] as i32
+                            });
+                            let [texel] = filtered(&channel.atlas, corner, within, |texel| [texel]);
+                            classified_or_nothing(channel.segments, texel)
+                        }
+                    };
+                    medium.mix_in(classified);
+                }
+                block.composite(medium.mixed(), geometry.step_world);
+                state.samples_taken += 1;
+                sample_index += 1;
             }
-            block.composite(medium.mixed(), geometry.step_world);
-            state.samples_taken += 1;
-            sample_index += 1;
         }
-        if missing.is_none() {
+        if sample_index >= samples {
+            blocks_left -= 1;
             join_block(state, &block);
             block = Block::EMPTY;
             let skipped = (sample_index / BLOCK_SAMPLES * BLOCK_SAMPLES).max(samples);
@@ -219,18 +220,22 @@ fn look_up(
     (has, state)
 }
 
-/// How many samples, this one included, surely lie in the box.
-fn samples_inside(
+fn classified_or_nothing(segments: &[TransferSegment], texel: f32) -> [f32; 4] {
+    if texel.is_nan() { [0.0; 4] } else { classify(segments, texel) }
+}
+
+/// How many samples, this one included, lie in the brick whose first voxel is `first`, to one or so.
+fn samples_until_border(
     position: [f32; 3],
     step_voxel: [f32; 3],
-    (first, end): ([i32; 3], [i32; 3]),
-    anchor_cell: [i32; 3],
+    first: [i32; 3],
+    payload: [i32; 3],
 ) -> u32 {
     let count = |axis: usize| {
         let step = step_voxel[axis];
-        let ahead = if step > 0.0 { end[axis] } else { first[axis] } - anchor_cell[axis];
-        if step == 0.0 { 1.0e9 } else { (ahead as f32 - position[axis]) / step }
+        let still = if step == 0.0 { 1.0 } else { 0.0 };
+        let ahead = first[axis] + if step > 0.0 { payload[axis] } else { 0 };
+        (ahead as f32 - (position[axis] + 0.5)) / (step + still) + still * 1.0e9
     };
-    let least = count(0).min(count(1)).min(count(2));
-    (least * 0.9999 - 0.01).max(1.0) as u32
+    count(0).min(count(1)).min(count(2)).ceil().clamp(1.0, 1.0e9) as u32
 }

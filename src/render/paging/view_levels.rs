@@ -85,8 +85,7 @@ impl ViewLevels {
                 let nearest = if parallel {
                     if rays.direction[axis] < 0.0 { last } else { 0.0 }
                 } else {
-                    let cell = (rays.origin[axis] / scale[axis] - 0.5).floor();
-                    (cell / payload[axis]).floor().clamp(0.0, last)
+                    (rays.origin[axis] / scale[axis] / payload[axis]).floor().clamp(0.0, last)
                 };
                 nearest as i32
             });
