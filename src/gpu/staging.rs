@@ -1,6 +1,7 @@
 //! Two staging halves: the host fills one while the transfer role copies from the other.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use crate::error::Result;
 use crate::gpu::copies::{BufferRegion, ImageRegion};
@@ -24,6 +25,8 @@ pub struct Staging {
     copy_ms: f64,
     /// Of copies that have ended, where somebody wants them.
     times: Option<Vec<SubmitTimes>>,
+    /// The last wait for a half to be free.
+    waited: Option<[Instant; 2]>,
     last: Option<TimePoint>,
     /// What the host did since the last flush.
     host: Vec<HostEvent>,
@@ -111,6 +114,7 @@ impl Staging {
             current: 0,
             copy_ms: 0.0,
             times: None,
+            waited: None,
             last: None,
             host: Vec::new(),
         })
@@ -193,7 +197,9 @@ impl Staging {
         let Some(end) = end.filter(|_| room) else { return Ok(false) };
         if half.staged.is_empty() {
             if let Some(point) = half.read_until {
+                let begin = Instant::now();
                 self.gpu.wait(point)?;
+                self.waited = Some([begin, Instant::now()]);
                 self.host.push(HostEvent::Waited(point));
             }
             self.copy_ms += half.measure(&mut self.times)?;
@@ -266,6 +272,11 @@ impl Staging {
     /// known: once their half is used again, and at [`Staging::finish`].
     pub fn take_times(&mut self) -> Vec<SubmitTimes> {
         self.times.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+
+    /// From when to when the host last waited for a half that the device still read; once.
+    pub fn take_wait(&mut self) -> Option<[Instant; 2]> {
+        self.waited.take()
     }
 
     /// What the host did with the halves since the last flush, whose record holds what was before.

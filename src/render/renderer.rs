@@ -16,8 +16,10 @@ use crate::render::paging::{self, Paged};
 use crate::render::plan::{DISPATCHES_PER_SUBMIT, Plan};
 use crate::render::scene_data::SceneData;
 use crate::render::statistics::{Statistics, peak_rss_bytes};
+use crate::render::tracing;
 use crate::render::upload::upload;
 use crate::scene::RayFrame;
+use crate::trace::Trace;
 use crate::twins::ray_setup::ViewRays;
 use crate::volume::WorldFromVoxel;
 
@@ -47,6 +49,7 @@ pub struct Renderer {
     upload_ms: f64,
     bytes_uploaded: u64,
     records: Vec<Record>,
+    pub(super) trace: Option<Arc<Trace>>,
 }
 
 pub(super) struct Buffers {
@@ -80,6 +83,19 @@ impl Renderer {
     /// # Errors
     /// Exit code 4 when the device runs out of memory or is lost.
     pub fn new(gpu: &Arc<Gpu>, plan: Plan, data: &SceneData) -> Result<Renderer> {
+        Renderer::traced(gpu, plan, data, None)
+    }
+
+    /// As [`Renderer::new`]; what happens from now on is recorded in `trace`, uploads included.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn traced(
+        gpu: &Arc<Gpu>,
+        plan: Plan,
+        data: &SceneData,
+        trace: Option<&Arc<Trace>>,
+    ) -> Result<Renderer> {
         let scene = &data.scene;
         let world_from_voxel = data.world_from_voxel(0);
         let make = |name: &str| Buffer::new(gpu, &plan.buffer(name).spec);
@@ -127,6 +143,7 @@ impl Renderer {
         if !plan.images.is_empty() && plan.paging.is_none() {
             let (_, voxels) = data.volume()?;
             let mut staging = Staging::new(gpu, plan.buffer("staging_half_0").spec.bytes)?;
+            let upload_span = tracing::begin_uploads(trace, &mut staging);
             for planned in &plan.images {
                 let image = Image::new(gpu, &planned.spec)?;
                 if let Some(layout) = &plan.texel_layouts[planned.channel] {
@@ -138,12 +155,13 @@ impl Renderer {
                 channels.push(image);
             }
             upload_ms = staging.finish()?;
+            tracing::end_uploads(trace, upload_span, &mut staging, bytes_uploaded);
         }
         let volume_size = data.volumes[0].source.description().size().to_array();
         let way = match plan.paging.clone() {
             Some(paging) => {
                 let shaders: Vec<_> = plan.passes.iter().map(|pass| pass.shader.clone()).collect();
-                Way::Paged(Some(Box::new(Paged::new(gpu, paging, &shaders, data, &plan)?)))
+                Way::Paged(Some(Box::new(Paged::new(gpu, paging, &shaders, data, &plan, trace)?)))
             }
             None => way,
         };
@@ -161,6 +179,7 @@ impl Renderer {
             upload_ms,
             bytes_uploaded,
             records: Vec::new(),
+            trace: trace.cloned(),
             plan,
         })
     }
@@ -185,6 +204,7 @@ impl Renderer {
         progress: &mut dyn FnMut(f64),
     ) -> Result<(Picture, Statistics)> {
         let start = Instant::now();
+        let _view = self.span("view");
         if let Way::Paged(paged) = &mut self.way
             && let Some(mut paged) = paged.take()
         {
@@ -211,10 +231,10 @@ impl Renderer {
         for tile in self.tiles(view as u32) {
             self.buffers.counters.write(0, &[0; 8])?;
             frame::draw(self, tile, |submitted| {
+                let waiting = self.span("wait");
                 self.gpu.wait(submitted.point)?;
-                for (pass, ms) in self.timestamps.iter().flat_map(Timestamps::step_ms).flatten() {
-                    statistics.add_step(pass, ms);
-                }
+                drop(waiting);
+                self.add_times(&mut statistics);
                 records.push(submitted.record.clone());
                 progress(records.len() as f64 / f64::from(submits));
                 Ok(())

@@ -1,6 +1,7 @@
 //! Every object of a paged scene, and the submits of one round.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use crate::error::Result;
 use crate::gpu::{
@@ -19,6 +20,7 @@ use crate::render::scene_data::SceneData;
 use crate::render::statistics::Statistics;
 use crate::residency::{Allowance, Residency};
 use crate::source::Description;
+use crate::trace::Trace;
 use crate::twins;
 use crate::volume::BrickId;
 
@@ -48,6 +50,7 @@ pub struct Paged {
     copy_ms_before: f64,
     /// Slots that rays may read, for the simulation of two queues.
     pub readable: std::collections::BTreeSet<u32>,
+    pub trace: Option<Arc<Trace>>,
 }
 
 /// Without reading anything for so long, a brick's failure is final.
@@ -64,6 +67,7 @@ impl Paged {
         shaders: &[Shader],
         data: &SceneData,
         whole: &Plan,
+        trace: Option<&Arc<Trace>>,
     ) -> Result<Paged> {
         let make = |name| Buffer::new(gpu, &whole.buffer(name).spec);
         let pipeline = |index: usize| ComputePipeline::new(gpu, shaders[index].clone());
@@ -72,6 +76,7 @@ impl Paged {
             [0, 3, 4, 5, 6, 7].iter().map(|index| shaders[*index].clone()).collect();
         let mut residency = Residency::new(gpu, plan.residency.clone(), &manage)?;
         let mut staging = Staging::new(gpu, plan.staging_half_bytes)?;
+        trace.into_iter().for_each(|_| staging.keep_times());
         let mut first_copies = Vec::new();
         let order = residency.first_order();
         let words = (plan.staging_half_bytes / 4) as usize;
@@ -91,6 +96,8 @@ impl Paged {
         let slot_first =
             plan.residency.atlases.iter().map(|atlas| atlas.shape.slot_first).collect();
         let description = source.description().clone();
+        let mut loading = Loading::new(vec![source], limits)?;
+        trace.into_iter().for_each(|_| loading.keep_jobs());
         Ok(Paged {
             host: HostCache::new(
                 plan.numbers.clone(),
@@ -108,7 +115,7 @@ impl Paged {
             set_up: pipeline(1)?,
             march: pipeline(2)?,
             resolve: pipeline(8)?,
-            loading: Loading::new(vec![source], limits)?,
+            loading,
             residency,
             staging,
             description,
@@ -120,6 +127,7 @@ impl Paged {
             granted_at: None,
             copy_ms_before: 0.0,
             readable: std::collections::BTreeSet::new(),
+            trace: trace.cloned(),
         })
     }
 
@@ -138,6 +146,7 @@ impl Paged {
     /// # Errors
     /// Exit code 4 when the device is lost.
     pub fn stage(&mut self, id: BrickId, slot: u32, voxels: &[u8]) -> Result<bool> {
+        let _span = self.stage_span(id, voxels);
         let (atlas, in_atlas) = self.host.atlas_of_slot(slot);
         let layout = self.plan.residency.atlases[atlas].layout;
         let (_, size) = self.description.brick(id);
@@ -152,6 +161,7 @@ impl Paged {
         let fill =
             |target: &mut [u8]| write_texels(voxels, judge.format, size, &judge.layout, target);
         let staged = self.staging.stage_with(place, bytes, fill)?;
+        self.trace_half_wait();
         if staged {
             self.staged.push((id, slot, bytes));
         }
@@ -163,6 +173,7 @@ impl Paged {
     /// # Errors
     /// Exit code 4 when the device is lost.
     pub fn flush(&mut self, records: Option<&mut Vec<Record>>) -> Result<()> {
+        let begin = Instant::now();
         let atlases: Vec<_> = self.residency.atlases().iter().collect();
         let waits: Vec<_> = self.granted_at.into_iter().collect();
         let Some(mut submitted) = self.staging.flush("copy", &atlases, &[], &waits)? else {
@@ -176,6 +187,7 @@ impl Paged {
             step.by_slot.push(name);
             step.slots = of_step.1.iter().map(|slot| (SlotEvent::CopiedInto, *slot)).collect();
         }
+        self.trace_flush(begin, submitted.point, &staged);
         for (id, _, bytes) in staged {
             self.host.arrived(id, bytes);
         }
@@ -210,6 +222,7 @@ impl Paged {
         statistics.bricks_hidden = counts.hidden;
         statistics.bricks_constant = counts.constant;
         statistics.loading = Some(self.loading.statistics());
+        self.trace_end();
         Ok(())
     }
 
@@ -228,7 +241,7 @@ impl Paged {
 }
 
 /// Slots of staged bricks, atlas by atlas in the order in which the atlases were first staged for.
-fn atlases_of(staged: &[(BrickId, u32, u64)], host: &HostCache) -> Vec<(usize, Vec<u32>)> {
+pub fn atlases_of(staged: &[(BrickId, u32, u64)], host: &HostCache) -> Vec<(usize, Vec<u32>)> {
     let mut atlases: Vec<(usize, Vec<u32>)> = Vec::new();
     for (_, slot, _) in staged {
         let (atlas, _) = host.atlas_of_slot(*slot);
