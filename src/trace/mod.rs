@@ -7,7 +7,8 @@
 //! # Invariants
 //! - Every event is of one fixed size and there are at most [`TraceOptions::events_max`]; what does not
 //!   fit is counted, and the file says so.
-//! - Spans of one track are nested or follow each other, and none is negative: see [`clip`].
+//! - Spans of one track are nested or follow each other, and none is negative: what was cut
+//!   ([`nest`], [`follow_each_other`]) is counted, and the file says so.
 //!
 //! # Units
 //! Nanoseconds since the trace began, on the host's clock; the file has microseconds, as its format
