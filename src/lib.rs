@@ -16,5 +16,6 @@ pub mod scene;
 pub mod source;
 pub mod store;
 pub mod study;
+pub mod trace;
 pub mod twins;
 pub mod volume;

@@ -24,7 +24,10 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("passes", &["gpu", "volume", "twins"]),
     ("twins", &["volume"]),
     ("residency", &["passes", "gpu", "volume", "twins"]),
-    ("render", &["volume", "scene", "source", "loading", "gpu", "passes", "twins", "residency"]),
+    (
+        "render",
+        &["volume", "scene", "source", "loading", "gpu", "passes", "twins", "residency", "trace"],
+    ),
     ("reference", &["volume", "scene", "source"]),
     (
         "study",

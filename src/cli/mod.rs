@@ -22,6 +22,7 @@ mod reading;
 mod reference;
 mod render;
 mod scene_flags;
+mod trace_file;
 mod verify;
 
 use std::process::ExitCode;

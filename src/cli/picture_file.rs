@@ -45,6 +45,14 @@ pub fn write_picture(path: &Path, picture: &Picture) -> Result<()> {
 /// Exit code 2 for an unknown ending, 4 when the folder is not there.
 pub fn check_output(path: &Path) -> Result<()> {
     kind_of(path)?;
+    folder_is_there(path)
+}
+
+/// Refuses a file in a folder that is not there.
+///
+/// # Errors
+/// Exit code 4 when the folder is not there.
+pub(super) fn folder_is_there(path: &Path) -> Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     match folder {
         Some(folder) if !folder.is_dir() => Err(Error::machine(format!(
@@ -102,7 +110,8 @@ fn kind_of(path: &Path) -> Result<Kind> {
     }
 }
 
-fn partial_name(path: &Path) -> PathBuf {
+/// The name of a file until it is whole.
+pub(super) fn partial_name(path: &Path) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(format!(".partial-{}", std::process::id()));
     path.with_file_name(name)

@@ -9,8 +9,9 @@ use crate::cli::output::{print, print_json, write_json};
 use crate::cli::picture_file::{check_output, write_picture};
 use crate::cli::progress::Progress;
 use crate::cli::scene_flags::{DeviceFlags, SceneFlags, WorkFlags, shader_compiler};
+use crate::cli::trace_file::TraceFile;
 use crate::error::{Error, Exit, Result};
-use crate::render::{Plan, Renderer, Statistics};
+use crate::render::{Plan, Renderer, SceneData, Statistics};
 
 /// Draw a scene's views into picture files.
 ///
@@ -29,6 +30,9 @@ pub struct Arguments {
     /// Write statistics as JSON: times, samples, memory, device.
     #[arg(long, value_name = "FILE")]
     stats: Option<PathBuf>,
+    /// Write a trace of what happened when, for Perfetto or chrome://tracing (JSON).
+    #[arg(long, value_name = "FILE")]
+    trace: Option<PathBuf>,
     /// Print one JSON object instead of text.
     #[arg(long)]
     json: bool,
@@ -56,26 +60,23 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let settings = arguments.work.settings()?;
     let outputs = outputs(arguments);
     outputs.iter().try_for_each(|output| check_output(output))?;
+    let trace_file = arguments.trace.as_deref().map(TraceFile::create).transpose()?;
     let mut data = arguments.scene.load()?;
     keep_views(&mut data.scene.views, &arguments.view)?;
     // Before a device is looked for: drawing directly takes every voxel.
     let gpu = arguments.device.open()?;
     let plan = Plan::new(&gpu, &shader_compiler(), &data, &settings)?;
-    let mut renderer = Renderer::new(&gpu, plan, &data)?;
-    let mut results = Results { views: Vec::new() };
-    let names: Vec<String> = data.scene.views.iter().map(|view| view.name.clone()).collect();
-    for (index, name) in names.iter().enumerate() {
-        let progress = Progress::start(name);
-        let (picture, statistics) = renderer.draw(index, &mut |part| progress.set(part))?;
-        drop(progress);
-        let of_view = |output: &PathBuf| file_of_view(output, name, names.len());
-        let files: Vec<PathBuf> = outputs.iter().map(of_view).collect();
-        files.iter().try_for_each(|file| write_picture(file, &picture))?;
-        if !arguments.json {
-            report(name, &files, &statistics);
-        }
-        results.views.push(ViewResult { view: name.clone(), files, statistics });
-    }
+    let scene = &arguments.scene.scene;
+    let trace = trace_file.as_ref().map(|file| file.begin(&gpu, scene));
+    let mut renderer = Renderer::traced(&gpu, plan, &data, trace.as_ref())?;
+    let drawn = draw_views(arguments, &outputs, &data, &mut renderer);
+    // Of a drawing that failed it is wanted most.
+    let traced = match (trace_file, &trace) {
+        (Some(file), Some(trace)) => file.write(trace),
+        _ => Ok(()),
+    };
+    let results = drawn?;
+    traced?;
     if let Some(stats) = &arguments.stats {
         write_stats(stats, &results)?;
     }
@@ -118,6 +119,30 @@ fn incomplete(view: &ViewResult) -> Option<String> {
                 .map_or(String::new(), |why| format!(", the first: {why}"))
         )
     })
+}
+
+/// Draws every view and writes its files.
+fn draw_views(
+    arguments: &Arguments,
+    outputs: &[PathBuf],
+    data: &SceneData,
+    renderer: &mut Renderer,
+) -> Result<Results> {
+    let mut results = Results { views: Vec::new() };
+    let names: Vec<String> = data.scene.views.iter().map(|view| view.name.clone()).collect();
+    for (index, name) in names.iter().enumerate() {
+        let progress = Progress::start(name);
+        let (picture, statistics) = renderer.draw(index, &mut |part| progress.set(part))?;
+        drop(progress);
+        let of_view = |output: &PathBuf| file_of_view(output, name, names.len());
+        let files: Vec<PathBuf> = outputs.iter().map(of_view).collect();
+        files.iter().try_for_each(|file| write_picture(file, &picture))?;
+        if !arguments.json {
+            report(name, &files, &statistics);
+        }
+        results.views.push(ViewResult { view: name.clone(), files, statistics });
+    }
+    Ok(results)
 }
 
 /// Statistics of one view stand alone; of several, in a list.

@@ -3,11 +3,13 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+use ash::extensions::ext::CalibratedTimestamps;
 use ash::vk;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 
 use crate::error::{Error, Result};
 use crate::gpu::access::ResourceId;
+use crate::gpu::calibration;
 use crate::gpu::census::{Census, ObjectKind};
 use crate::gpu::features::Features;
 use crate::gpu::instance::{Instance, Message, c_string, name_of, vulkan_failed};
@@ -84,6 +86,8 @@ pub struct Gpu {
     pub census: Census,
     /// Bytes of device memory by purpose.
     pub ledger: Ledger,
+    /// Tells the time on the device's clock, where it does.
+    pub(crate) calibrated: Option<CalibratedTimestamps>,
     /// Whether shaders may store into formats beyond Vulkan's first list.
     stores_extended: bool,
     queues: [(u32, u32); RoleKind::COUNT],
@@ -126,7 +130,12 @@ impl Gpu {
         })?;
         let features = Features::used(instance, physical);
         let stores_extended = features.core.shader_storage_image_extended_formats == vk::TRUE;
-        let device = open_device(instance, physical, &queues, features)?;
+        let calibrated = calibration::offered(instance, physical);
+        let extensions: &[_] = match &calibrated {
+            Some(_) => &[CalibratedTimestamps::name().as_ptr()],
+            None => &[],
+        };
+        let device = open_device(instance, physical, &queues, features, extensions)?;
         let allocator =
             gpu_allocator::vulkan::Allocator::new(&gpu_allocator::vulkan::AllocatorCreateDesc {
                 instance: instance.raw.clone(),
@@ -146,6 +155,7 @@ impl Gpu {
             device,
             physical,
             facts,
+            calibrated,
             stores_extended,
             census: Census::default(),
             ledger: Ledger::default(),
@@ -516,6 +526,7 @@ fn open_device(
     physical: vk::PhysicalDevice,
     queues: &[(u32, u32); RoleKind::COUNT],
     mut features: Features,
+    extensions: &[*const std::ffi::c_char],
 ) -> Result<ash::Device> {
     let priorities = [1.0, 1.0];
     let mut infos = Vec::new();
@@ -538,10 +549,11 @@ fn open_device(
     }
     let info = vk::DeviceCreateInfo::builder()
         .queue_create_infos(&infos)
+        .enabled_extension_names(extensions)
         .enabled_features(&features.core)
         .push_next(&mut features.vulkan12)
         .push_next(&mut features.vulkan13);
-    // SAFETY: every pointer in `info` lives until the call returns; features were checked.
+    // SAFETY: every pointer in `info` lives until the call returns; features and extensions were checked.
     unsafe { instance.raw.create_device(physical, &info, None) }
         .map_err(|why| vulkan_failed("opening the Vulkan device", why))
 }

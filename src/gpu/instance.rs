@@ -39,7 +39,7 @@ pub struct Instance {
     messenger: Option<vk::DebugUtilsMessengerEXT>,
     pub(crate) messages: Arc<Messages>,
     // Holds the loader's library open; dropped last.
-    _entry: ash::Entry,
+    pub(crate) entry: ash::Entry,
 }
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
@@ -123,7 +123,7 @@ impl Instance {
             }
             _ => None,
         };
-        Ok(Arc::new(Instance { raw, debug_utils, messenger, messages, _entry: entry }))
+        Ok(Arc::new(Instance { raw, debug_utils, messenger, messages, entry }))
     }
 
     /// What validation has said so far.

@@ -12,6 +12,7 @@
 #![allow(unsafe_code)]
 
 mod access;
+mod calibration;
 mod census;
 mod copies;
 mod device;
@@ -34,6 +35,7 @@ pub mod two_queues;
 mod write_commands;
 
 pub use access::{Access, Barrier, Tracker};
+pub use calibration::{Calibration, DeviceClock};
 pub use census::{Census, ObjectKind};
 pub use copies::{BufferRegion, ImageRegion};
 pub use device::{DeviceFacts, DeviceRequest, Gpu, QueueFacts};
@@ -48,5 +50,5 @@ pub use resources::{Buffer, BufferSpec, Image, ImageFormat, ImageSpec, Sampler, 
 pub use roles::{RoleKind, TimePoint};
 pub use shader::{Shader, ShaderCompiler, ShaderSources, Variant};
 pub use staging::{Place, Staging};
-pub use timestamps::Timestamps;
+pub use timestamps::{StepTicks, SubmitTimes, Timestamps};
 pub use write_commands::IN_FLIGHT_MAX;

@@ -1,6 +1,7 @@
 //! Two staging halves: the host fills one while the transfer role copies from the other.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use crate::error::Result;
 use crate::gpu::copies::{BufferRegion, ImageRegion};
@@ -11,7 +12,7 @@ use crate::gpu::record::{HostEvent, Submitted};
 use crate::gpu::recorder::Recorder;
 use crate::gpu::resources::{Buffer, BufferSpec, Image};
 use crate::gpu::roles::{RoleKind, TimePoint};
-use crate::gpu::timestamps::Timestamps;
+use crate::gpu::timestamps::{SubmitTimes, Timestamps};
 
 /// Two host-visible upload buffers, swapped after each submit.
 ///
@@ -22,6 +23,10 @@ pub struct Staging {
     halves: [Half; 2],
     current: usize,
     copy_ms: f64,
+    /// Of copies that have ended, where somebody wants them.
+    times: Option<Vec<SubmitTimes>>,
+    /// The last wait for a half to be free.
+    waited: Option<[Instant; 2]>,
     last: Option<TimePoint>,
     /// What the host did since the last flush.
     host: Vec<HostEvent>,
@@ -108,6 +113,8 @@ impl Staging {
             halves: [half(&first)?, half(&second)?],
             current: 0,
             copy_ms: 0.0,
+            times: None,
+            waited: None,
             last: None,
             host: Vec::new(),
         })
@@ -190,10 +197,12 @@ impl Staging {
         let Some(end) = end.filter(|_| room) else { return Ok(false) };
         if half.staged.is_empty() {
             if let Some(point) = half.read_until {
+                let begin = Instant::now();
                 self.gpu.wait(point)?;
+                self.waited = Some([begin, Instant::now()]);
                 self.host.push(HostEvent::Waited(point));
             }
-            self.copy_ms += half.measure()?;
+            self.copy_ms += half.measure(&mut self.times)?;
         }
         half.buffer.write_with(half.free, bytes, fill)?;
         self.host.push(HostEvent::Wrote { buffer: half.buffer.name(), range: half.free..end });
@@ -254,6 +263,22 @@ impl Staging {
         self.copy_ms
     }
 
+    /// From now on keeps when copies ran, one entry a flush, until they are taken.
+    pub fn keep_times(&mut self) {
+        self.times.get_or_insert_default();
+    }
+
+    /// When copies ran that were measured since the last call, in the order of their ends' becoming
+    /// known: once their half is used again, and at [`Staging::finish`].
+    pub fn take_times(&mut self) -> Vec<SubmitTimes> {
+        self.times.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+
+    /// From when to when the host last waited for a half that the device still read; once.
+    pub fn take_wait(&mut self) -> Option<[Instant; 2]> {
+        self.waited.take()
+    }
+
     /// What the host did with the halves since the last flush, whose record holds what was before.
     pub fn take_host_events(&mut self) -> Vec<HostEvent> {
         std::mem::take(&mut self.host)
@@ -270,7 +295,7 @@ impl Staging {
             self.host.push(HostEvent::Waited(last));
         }
         for half in &mut self.halves {
-            self.copy_ms += half.measure()?;
+            self.copy_ms += half.measure(&mut self.times)?;
         }
         Ok(self.copy_ms)
     }
@@ -304,11 +329,14 @@ impl Staged {
 }
 
 impl Half {
-    fn measure(&mut self) -> Result<f64> {
+    fn measure(&mut self, kept: &mut Option<Vec<SubmitTimes>>) -> Result<f64> {
         if std::mem::take(&mut self.unmeasured)
             && let Some(timestamps) = &self.timestamps
+            && let Some(times) = timestamps.take()?
         {
-            return Ok(timestamps.step_ms()?.iter().map(|(_, ms)| ms).sum());
+            let ms = times.step_ms().map(|(_, ms)| ms).sum();
+            kept.iter_mut().for_each(|kept| kept.push(times.clone()));
+            return Ok(ms);
         }
         Ok(0.0)
     }

@@ -2,6 +2,7 @@
 
 use std::sync::PoisonError;
 use std::sync::atomic::Ordering;
+use std::time::Instant;
 
 use ash::vk;
 
@@ -97,6 +98,7 @@ pub(crate) fn submit(
         .signal_semaphore_infos(&signals)
         .build();
     let queue_lock = gpu.submitting.lock().unwrap_or_else(PoisonError::into_inner);
+    let submitted = Instant::now();
     // SAFETY: the queue is used under a lock; all that the commands touch is stamped with `point` by
     // the recorder right after, and dropped only once it is reached.
     unsafe { device.queue_submit2(role.queue, &[info], vk::Fence::null()) }
@@ -107,7 +109,7 @@ pub(crate) fn submit(
     known.push((commands, point.value));
     if let Some(timestamps) = timestamps {
         let mut last = timestamps.last.lock().unwrap_or_else(PoisonError::into_inner);
-        *last = Some(Written { point, labels });
+        *last = Some(Written { point, labels, submitted, taken: false });
     }
     Ok(point)
 }

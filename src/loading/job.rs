@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use crate::error::{Error, Exit, Result};
-use crate::loading::Block;
+use crate::loading::{Block, DoneWork};
 use crate::source::{BrickEntry, BrickSource, read_checked};
 use crate::volume::BrickId;
 
@@ -27,6 +27,20 @@ pub enum Arrival {
     Read(BrickId, Result<Arc<[u8]>>),
     /// Of [`Job::Survey`].
     Survey(Block, Vec<(BrickId, Result<BrickEntry>)>),
+}
+
+impl Arrival {
+    /// What was done, without what came of it.
+    pub fn work(&self) -> DoneWork {
+        match self {
+            Arrival::Read(id, read) => {
+                DoneWork::Read { id: *id, bytes: read.as_ref().ok().map(|b| b.len() as u64) }
+            }
+            Arrival::Survey(block, entries) => {
+                DoneWork::Survey { block: *block, bricks: entries.len() as u64 }
+            }
+        }
+    }
 }
 
 impl Job {

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, Sender, bounded};
 
 use crate::error::{Error, Result};
+use crate::loading::DoneJob;
 use crate::loading::job::{Arrival, Job, Sources};
 
 /// Jobs under way per loader: one at work, one that waits for it, so that no loader waits for the
@@ -26,7 +27,7 @@ pub const PATIENCE: Duration = Duration::from_secs(1);
 pub struct Loaders {
     /// Nothing once they are told to stop.
     jobs: Option<Sender<Job>>,
-    arrivals: Receiver<Arrival>,
+    arrivals: Receiver<(Arrival, DoneJob)>,
     stop: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
     jobs_max: usize,
@@ -46,6 +47,7 @@ impl Loaders {
             Loaders { jobs: Some(jobs), arrivals, stop, threads: Vec::new(), jobs_max };
         let started = (0..count).try_for_each(|number| {
             let loader = Loader {
+                number,
                 sources: Arc::clone(&sources),
                 jobs: wanted.clone(),
                 arrivals: send.clone(),
@@ -77,7 +79,7 @@ impl Loaders {
     }
 
     /// The next arrival, if one comes in time. One that is there comes even if the time has passed.
-    pub fn next(&self, until: Option<Instant>) -> Option<Arrival> {
+    pub fn next(&self, until: Option<Instant>) -> Option<(Arrival, DoneJob)> {
         match until {
             Some(until) => self.arrivals.recv_deadline(until).ok(),
             None => self.arrivals.recv().ok(),
@@ -107,9 +109,10 @@ impl Drop for Loaders {
 }
 
 struct Loader {
+    number: usize,
     sources: Sources,
     jobs: Receiver<Job>,
-    arrivals: Sender<Arrival>,
+    arrivals: Sender<(Arrival, DoneJob)>,
     stop: Arc<AtomicBool>,
 }
 
@@ -121,7 +124,11 @@ impl Loader {
             if self.stop.load(Ordering::Relaxed) {
                 return;
             }
-            if self.arrivals.send(job.run(&self.sources, &mut buffer)).is_err() {
+            let begin = Instant::now();
+            let arrival = job.run(&self.sources, &mut buffer);
+            let (end, work) = (Instant::now(), arrival.work());
+            let done = DoneJob { loader: self.number, begin, end, work };
+            if self.arrivals.send((arrival, done)).is_err() {
                 return;
             }
         }

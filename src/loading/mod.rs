@@ -21,6 +21,7 @@
 mod block;
 mod cache;
 mod delivery;
+mod done;
 mod job;
 mod limits;
 mod loaders;
@@ -31,6 +32,7 @@ mod wishes;
 
 pub use block::{BLOCK_EDGE, Block};
 pub use delivery::{Delivery, Wish};
+pub use done::{DoneJob, DoneWork};
 pub use limits::{LOADERS_MAX, LoadingLimits, PAUSE_MAX};
 pub use loaders::{JOBS_PER_LOADER, PATIENCE};
 pub use owner::Loading;

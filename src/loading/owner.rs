@@ -6,11 +6,12 @@ use std::time::{Duration, Instant};
 
 use crate::error::{Error, Result};
 use crate::loading::cache::Cache;
+use crate::loading::done::DoneJobs;
 use crate::loading::job::{Arrival, Job};
 use crate::loading::loaders::Loaders;
 use crate::loading::surveys::Surveys;
 use crate::loading::wishes::{Place, WishList};
-use crate::loading::{Block, Delivery, LoadingLimits, LoadingStatistics, Wish};
+use crate::loading::{Block, Delivery, DoneJob, LoadingLimits, LoadingStatistics, Wish};
 use crate::source::{BrickEntry, BrickSource};
 use crate::volume::BrickId;
 
@@ -33,6 +34,8 @@ pub struct Loading {
     loaders: Loaders,
     /// All but what the cache counts itself.
     counts: LoadingStatistics,
+    /// Where somebody wants to know.
+    done: Option<DoneJobs>,
 }
 
 struct Reading {
@@ -58,6 +61,7 @@ impl Loading {
             failed: HashSet::new(),
             loaders: Loaders::start(sources.into(), limits.loaders)?,
             counts: LoadingStatistics::default(),
+            done: None,
         })
     }
 
@@ -113,7 +117,8 @@ impl Loading {
             let due = self.wishes.first_due();
             let until = [deadline, due].into_iter().flatten().min();
             match self.loaders.next(until) {
-                Some(arrival) => {
+                Some((arrival, job)) => {
+                    self.done.iter_mut().for_each(|done| done.push(job));
                     let delivery = self.settle(arrival);
                     if delivery.is_some() {
                         self.hand_out();
@@ -153,6 +158,21 @@ impl Loading {
             reading.old |= id.volume == volume;
         }
         self.hand_out();
+    }
+
+    /// From now on keeps what loaders did and when, until it is taken.
+    pub fn keep_jobs(&mut self) {
+        self.done.get_or_insert_default();
+    }
+
+    /// Jobs whose arrivals were taken in since the last call, and how many more there were.
+    pub fn take_jobs(&mut self) -> (Vec<DoneJob>, u64) {
+        self.done.as_mut().map(DoneJobs::take).unwrap_or_default()
+    }
+
+    /// Reads that loaders have, or whose arrivals were not taken in yet.
+    pub fn reads_under_way(&self) -> usize {
+        self.reading.len()
     }
 
     /// What was done so far.

@@ -14,6 +14,7 @@ mod renderer;
 mod scene_data;
 mod settings;
 mod statistics;
+mod tracing;
 mod transfer_segments;
 mod upload;
 mod volume_data;

@@ -17,8 +17,10 @@ use crate::render::paging::{self, Paged};
 use crate::render::plan::{DISPATCHES_PER_SUBMIT, Plan};
 use crate::render::scene_data::SceneData;
 use crate::render::statistics::{Statistics, peak_rss_bytes};
+use crate::render::tracing;
 use crate::render::upload::upload;
 use crate::scene::RayFrame;
+use crate::trace::Trace;
 use crate::twins::ray_setup::ViewRays;
 use crate::volume::WorldFromVoxel;
 
@@ -50,6 +52,7 @@ pub struct Renderer {
     records: Vec<Record>,
     /// Counts changes of the source.
     pub(super) epoch: Arc<AtomicU64>,
+    pub(super) trace: Option<Arc<Trace>>,
 }
 
 pub(super) struct Buffers {
@@ -83,6 +86,19 @@ impl Renderer {
     /// # Errors
     /// Exit code 4 when the device runs out of memory or is lost.
     pub fn new(gpu: &Arc<Gpu>, plan: Plan, data: &SceneData) -> Result<Renderer> {
+        Renderer::traced(gpu, plan, data, None)
+    }
+
+    /// As [`Renderer::new`]; what happens from now on is recorded in `trace`, uploads included.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn traced(
+        gpu: &Arc<Gpu>,
+        plan: Plan,
+        data: &SceneData,
+        trace: Option<&Arc<Trace>>,
+    ) -> Result<Renderer> {
         let scene = &data.scene;
         let world_from_voxel = data.world_from_voxel(0);
         let make = |name: &str| Buffer::new(gpu, &plan.buffer(name).spec);
@@ -130,6 +146,7 @@ impl Renderer {
         if !plan.images.is_empty() && plan.paging.is_none() {
             let (_, voxels) = data.volume()?;
             let mut staging = Staging::new(gpu, plan.buffer("staging_half_0").spec.bytes)?;
+            let upload_span = tracing::begin_uploads(trace, &mut staging);
             for planned in &plan.images {
                 let image = Image::new(gpu, &planned.spec)?;
                 if let Some(layout) = &plan.texel_layouts[planned.channel] {
@@ -141,12 +158,13 @@ impl Renderer {
                 channels.push(image);
             }
             upload_ms = staging.finish()?;
+            tracing::end_uploads(trace, upload_span, &mut staging, bytes_uploaded);
         }
         let volume_size = data.volumes[0].source.description().size().to_array();
         let way = match plan.paging.clone() {
             Some(paging) => {
                 let shaders: Vec<_> = plan.passes.iter().map(|pass| pass.shader.clone()).collect();
-                Way::Paged(Some(Box::new(Paged::new(gpu, paging, &shaders, data, &plan)?)))
+                Way::Paged(Some(Box::new(Paged::new(gpu, paging, &shaders, data, &plan, trace)?)))
             }
             None => way,
         };
@@ -165,6 +183,7 @@ impl Renderer {
             bytes_uploaded,
             records: Vec::new(),
             epoch: Arc::default(),
+            trace: trace.cloned(),
             plan,
         })
     }
@@ -195,6 +214,7 @@ impl Renderer {
         progress: &mut dyn FnMut(f64),
     ) -> Result<(Picture, Statistics)> {
         let start = Instant::now();
+        let _view = self.span("view");
         if let Way::Paged(paged) = &mut self.way
             && let Some(mut paged) = paged.take()
         {
@@ -221,10 +241,10 @@ impl Renderer {
         for tile in self.tiles(view as u32) {
             self.buffers.counters.write(0, &[0; 8])?;
             frame::draw(self, tile, |submitted| {
+                let waiting = self.span("wait");
                 self.gpu.wait(submitted.point)?;
-                for (pass, ms) in self.timestamps.iter().flat_map(Timestamps::step_ms).flatten() {
-                    statistics.add_step(pass, ms);
-                }
+                drop(waiting);
+                self.add_times(&mut statistics);
                 records.push(submitted.record.clone());
                 progress(records.len() as f64 / f64::from(submits));
                 Ok(())

@@ -20,7 +20,7 @@ pub use brick_numbers::{BrickNumbers, ChannelPlace};
 pub use settings::{CopyPath, LoadOrder, PagingSettings};
 pub use view_levels::ViewLevels;
 
-pub(super) use paged::Paged;
+pub(super) use paged::{Paged, StagedBrick, slots_by_atlas};
 pub(super) use plan::PagingPlan;
 pub(super) use rounds::draw;
 pub(super) use view_levels::longest_diagonal_world;

@@ -1,6 +1,7 @@
 //! Every object of a paged scene, and the submits of one round.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use crate::error::Result;
 use crate::gpu::{
@@ -21,6 +22,7 @@ use crate::render::scene_data::SceneData;
 use crate::render::statistics::Statistics;
 use crate::residency::{Allowance, Residency};
 use crate::source::Description;
+use crate::trace::Trace;
 use crate::twins;
 use crate::twins::place::Placement;
 use crate::volume::BrickId;
@@ -55,15 +57,16 @@ pub struct Paged {
     copy_ms_before: f64,
     /// Slots that rays may read, for the simulation of two queues.
     pub readable: std::collections::BTreeSet<u32>,
+    pub trace: Option<Arc<Trace>>,
 }
 
 /// A brick in the staging half.
-struct StagedBrick {
-    id: BrickId,
-    slot: u32,
-    bytes: u64,
-    atlas: usize,
-    placement: Placement,
+pub struct StagedBrick {
+    pub id: BrickId,
+    pub slot: u32,
+    pub bytes: u64,
+    pub atlas: usize,
+    pub placement: Placement,
 }
 
 /// The upload buffer and the passes that place bricks from it, one per atlas.
@@ -93,6 +96,7 @@ impl Paged {
         shaders: &[Shader],
         data: &SceneData,
         whole: &Plan,
+        trace: Option<&Arc<Trace>>,
     ) -> Result<Paged> {
         let make = |name| Buffer::new(gpu, &whole.buffer(name).spec);
         let pipeline = |index: usize| ComputePipeline::new(gpu, shaders[index].clone());
@@ -101,6 +105,7 @@ impl Paged {
             [0, 3, 4, 5, 6, 7].iter().map(|index| shaders[*index].clone()).collect();
         let residency = Residency::new(gpu, plan.residency.clone(), &manage)?;
         let mut staging = Staging::new(gpu, plan.staging_half_bytes)?;
+        trace.into_iter().for_each(|_| staging.keep_times());
         let mut first_copies = Vec::new();
         let order = residency.first_order();
         let words = (plan.staging_half_bytes / 4) as usize;
@@ -120,6 +125,8 @@ impl Paged {
         let slot_first =
             plan.residency.atlases.iter().map(|atlas| atlas.shape.slot_first).collect();
         let description = source.description().clone();
+        let mut loading = Loading::new(vec![source], limits)?;
+        trace.into_iter().for_each(|_| loading.keep_jobs());
         Ok(Paged {
             host: HostCache::new(
                 plan.numbers.clone(),
@@ -147,7 +154,7 @@ impl Paged {
                     placed_at: None,
                 }),
             },
-            loading: Loading::new(vec![source], limits)?,
+            loading,
             residency,
             staging,
             description,
@@ -160,6 +167,7 @@ impl Paged {
             epoch: 0,
             copy_ms_before: 0.0,
             readable: std::collections::BTreeSet::new(),
+            trace: trace.cloned(),
         })
     }
 
@@ -178,6 +186,7 @@ impl Paged {
     /// # Errors
     /// Exit code 4 when the device is lost.
     pub fn stage(&mut self, id: BrickId, slot: u32, voxels: &[u8]) -> Result<bool> {
+        let _span = self.stage_span(id, voxels);
         let (atlas, in_atlas) = self.host.atlas_of_slot(slot);
         let layout = self.plan.residency.atlases[atlas].layout;
         let (_, size) = self.description.brick(id);
@@ -197,6 +206,7 @@ impl Paged {
         let fill =
             |target: &mut [u8]| write_texels(voxels, judge.format, size, &judge.layout, target);
         let staged = self.staging.stage_with(place, bytes, fill)?;
+        self.trace_half_wait();
         if staged {
             self.staged.push(StagedBrick { id, slot, bytes, atlas, placement });
             if let Some(placing) = &mut self.placing {
@@ -211,6 +221,7 @@ impl Paged {
     /// # Errors
     /// Exit code 4 when the device is lost.
     pub fn flush(&mut self, gpu: &Arc<Gpu>, records: Option<&mut Vec<Record>>) -> Result<()> {
+        let begin = Instant::now();
         let atlases: Vec<_> = self.residency.atlases().iter().collect();
         let mut waits: Vec<_> = self.granted_at.into_iter().collect();
         let upload: Vec<_> = self.placing.iter().map(|placing| &placing.upload).collect();
@@ -226,6 +237,7 @@ impl Paged {
             step.by_slot.push(name);
             step.slots = of_step.1.iter().map(|slot| (SlotEvent::CopiedInto, *slot)).collect();
         }
+        self.trace_flush(begin, submitted.point, &staged);
         let mut made = vec![submitted];
         if let Some(placing) = &mut self.placing {
             made.push(placing.place(gpu, &self.residency, &staged, made[0].point)?);
@@ -271,7 +283,13 @@ impl Paged {
         statistics.bricks_hidden = counts.hidden;
         statistics.bricks_constant = counts.constant;
         statistics.loading = Some(self.loading.statistics());
+        self.trace_end();
         Ok(())
+    }
+
+    /// Whether bricks go through the upload buffer.
+    pub fn places(&self) -> bool {
+        self.placing.is_some()
     }
 
     /// Bricks staged since the last flush.
@@ -295,7 +313,7 @@ impl Paged {
 }
 
 /// Slots of staged bricks, atlas by atlas in the order in which the atlases were first staged for.
-fn slots_by_atlas(staged: &[StagedBrick]) -> Vec<(usize, Vec<u32>)> {
+pub fn slots_by_atlas(staged: &[StagedBrick]) -> Vec<(usize, Vec<u32>)> {
     let mut atlases: Vec<(usize, Vec<u32>)> = Vec::new();
     for brick in staged {
         match atlases.iter_mut().find(|(known, _)| *known == brick.atlas) {

@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use crate::error::Result;
-use crate::gpu::{HostEvent, Record, Submitted, TimePoint, Timestamps};
+use crate::gpu::{HostEvent, Record, Submitted, TimePoint};
 use crate::loading::{Delivery, Wish};
 use crate::passes::cache_buffers::RankOrder;
 use crate::render::frame::Tile;
@@ -47,6 +47,7 @@ pub fn draw(
         asked: Instant::now(),
     };
     rounds.turn(progress)?;
+    let _span = renderer.span("resolve");
     let submitted = renderer.submit_resolve(rounds.paged, tile)?;
     rounds.ended(submitted)
 }
@@ -79,8 +80,10 @@ impl Rounds<'_> {
                 self.begin_anew();
                 first = true;
             }
+            let _round = self.renderer.round_span();
             let point = self.round(first || substitute)?;
             first = false;
+            let waiting = self.renderer.span("wait");
             if plan.settings.paging.lockstep {
                 self.renderer.gpu.wait(point)?;
             } else {
@@ -91,6 +94,7 @@ impl Rounds<'_> {
                 }
                 self.renderer.gpu.wait(point)?;
             }
+            drop(waiting);
             let report = self.take_report(point)?;
             self.statistics.rounds += 1;
             self.show_progress(&report, progress);
@@ -108,6 +112,7 @@ impl Rounds<'_> {
                 self.wait_for_all()?;
             } else if report.progress.moved == 0 {
                 // Nothing to march until something comes.
+                let _span = self.renderer.span("load");
                 self.take_deliveries(Duration::from_millis(2))?;
             }
             if self.stands_still(&report) {
@@ -149,6 +154,7 @@ impl Rounds<'_> {
 
     /// Submits one round.
     fn round(&mut self, first: bool) -> Result<TimePoint> {
+        let _span = self.renderer.span("submit");
         let plan: &Plan = &self.renderer.plan;
         let allowances: Vec<_> = (0..self.paged.plan.residency.atlases.len())
             .map(|atlas| self.allowance(atlas))
@@ -162,15 +168,12 @@ impl Rounds<'_> {
         };
         let keep = plan.settings.paging.keep_records;
         let (statistics, records) = (&mut *self.statistics, &mut *self.records);
-        let timestamps = self.renderer.timestamps.as_ref();
-        let gpu = &self.renderer.gpu;
+        let renderer = self.renderer;
         let several = plan.march_dispatches() > crate::render::plan::DISPATCHES_PER_SUBMIT;
-        let mut last: Option<Submitted> = None;
         let point = self.renderer.submit_round(self.paged, &round, |submitted| {
-            // One set of timestamps: the submit before must have ended.
-            if let Some(before) = last.replace(submitted.clone()).filter(|_| several) {
-                gpu.wait(before.point)?;
-                add_times(timestamps, statistics);
+            // One set of timestamps: they are read before the next submit writes them.
+            if several {
+                renderer.add_times(statistics);
             }
             if keep {
                 records.push(submitted.record);
@@ -194,7 +197,8 @@ impl Rounds<'_> {
     }
 
     fn take_report(&mut self, point: TimePoint) -> Result<Report> {
-        add_times(self.renderer.timestamps.as_ref(), self.statistics);
+        let _span = self.renderer.span("report");
+        self.renderer.add_times(self.statistics);
         let report = self.paged.residency.report()?;
         if self.renderer.plan.settings.paging.keep_records {
             let grants: Vec<_> =
@@ -208,6 +212,7 @@ impl Rounds<'_> {
         for atlas in &report.atlases {
             self.statistics.bricks_needed += u64::from(atlas.answer.touched);
         }
+        self.paged.trace_report(&report);
         Ok(report)
     }
 
@@ -236,6 +241,7 @@ impl Rounds<'_> {
     }
 
     fn bind_and_wish(&mut self) {
+        let _span = self.renderer.span("bind");
         let paging = &self.renderer.plan.settings.paging;
         let Paged { host, description, loading, .. } = &mut *self.paged;
         host.bind(!paging.lockstep, |level| description.grid(level));
@@ -245,6 +251,7 @@ impl Rounds<'_> {
     }
 
     fn wait_for_surveys(&mut self) -> Result<()> {
+        let _span = self.renderer.span("survey");
         self.asked = Instant::now();
         while self.paged.host.surveys_pending() > 0 && self.paged.loading.outstanding() > 0 {
             if !self.deliver(Duration::from_millis(50))? && self.gave_up() {
@@ -256,6 +263,7 @@ impl Rounds<'_> {
 
     /// Lockstep: everything that slots are kept for comes, and is copied.
     fn wait_for_all(&mut self) -> Result<()> {
+        let _span = self.renderer.span("load");
         self.asked = Instant::now();
         while self.paged.host.bound_count() > self.paged.staged_count()
             && self.paged.loading.outstanding() > 0
@@ -291,6 +299,7 @@ impl Rounds<'_> {
     /// Takes one delivery; false when none came in time.
     fn deliver(&mut self, timeout: Duration) -> Result<bool> {
         let Some(delivery) = self.paged.loading.next(timeout) else { return Ok(false) };
+        self.paged.trace_loading();
         self.asked = Instant::now();
         match delivery {
             Delivery::Surveyed { block, entries } => {
@@ -361,18 +370,13 @@ impl Rounds<'_> {
     }
 
     fn ended(&mut self, submitted: Submitted) -> Result<()> {
+        let _span = self.renderer.span("wait");
         self.renderer.gpu.wait(submitted.point)?;
-        add_times(self.renderer.timestamps.as_ref(), self.statistics);
+        self.renderer.add_times(self.statistics);
         if self.renderer.plan.settings.paging.keep_records {
             self.records.push(submitted.record);
             self.records.push(Record::of_host(vec![HostEvent::Waited(submitted.point)]));
         }
         Ok(())
-    }
-}
-
-fn add_times(timestamps: Option<&Timestamps>, statistics: &mut Statistics) {
-    for (pass, ms) in timestamps.iter().flat_map(|timestamps| timestamps.step_ms()).flatten() {
-        statistics.add_step(pass, ms);
     }
 }

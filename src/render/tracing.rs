@@ -1,0 +1,136 @@
+//! What drawing tells a trace, where there is one: one line in the loop for each of these.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::gpu::{Staging, TimePoint};
+use crate::loading::DoneWork;
+use crate::render::paging::{Paged, StagedBrick, slots_by_atlas};
+use crate::render::renderer::Renderer;
+use crate::render::statistics::Statistics;
+use crate::residency::Report;
+use crate::trace::{Counter, Details, Guard, Trace, Track};
+use crate::volume::BrickId;
+
+impl Renderer {
+    /// What the host does until this is dropped.
+    pub(super) fn span(&self, name: &'static str) -> Option<Guard> {
+        self.trace.as_ref().map(|trace| trace.begin(name, Details::None))
+    }
+
+    /// A round, until this is dropped.
+    pub(super) fn round_span(&self) -> Option<Guard> {
+        self.trace.as_ref().map(Trace::begin_round)
+    }
+
+    /// Adds the times of the last submit's passes, waiting for its end; each submit counts once.
+    pub(super) fn add_times(&self, statistics: &mut Statistics) {
+        // A lost device is met by whoever waits next.
+        let taken = self.timestamps.as_ref().and_then(|timestamps| timestamps.take().ok());
+        let Some(times) = taken.flatten() else { return };
+        times.step_ms().for_each(|(pass, ms)| statistics.add_step(pass, ms));
+        if let Some(trace) = &self.trace {
+            trace.steps(&times);
+        }
+    }
+}
+
+/// The voxels of a volume that is drawn directly are about to be copied.
+pub(super) fn begin_uploads(trace: Option<&Arc<Trace>>, staging: &mut Staging) -> Option<Guard> {
+    let trace = trace?;
+    staging.keep_times();
+    Some(trace.begin("upload", Details::None))
+}
+
+/// They were.
+pub(super) fn end_uploads(
+    trace: Option<&Arc<Trace>>,
+    span: Option<Guard>,
+    staging: &mut Staging,
+    bytes: u64,
+) {
+    drop(span);
+    if let Some(trace) = trace {
+        staging.take_times().iter().for_each(|times| trace.steps(times));
+        trace.count(Counter::BytesUploaded, bytes);
+    }
+}
+
+impl Paged {
+    /// A brick is staged, until this is dropped.
+    pub(super) fn stage_span(&self, id: BrickId, voxels: &[u8]) -> Option<Guard> {
+        let bytes = Some(voxels.len() as u64);
+        self.trace.as_ref().map(|trace| trace.begin("stage", Details::Brick(id, bytes)))
+    }
+
+    /// Says how long staging waited for a half that a copy still read.
+    pub(super) fn trace_half_wait(&mut self) {
+        let waited = self.staging.take_wait();
+        if let (Some(trace), Some(times)) = (&self.trace, waited) {
+            trace.span(Track::Host, "wait for half", times, Details::None);
+        }
+    }
+
+    /// Staged bricks were submitted; their times will come when the copy has ended.
+    pub(super) fn trace_flush(&mut self, begin: Instant, point: TimePoint, staged: &[StagedBrick]) {
+        let Some(trace) = &self.trace else { return };
+        // One step per atlas, or one into the upload buffer.
+        let count = |bricks: &[&StagedBrick]| {
+            (bricks.len() as u64, bricks.iter().map(|brick| brick.bytes).sum::<u64>())
+        };
+        let all: Vec<&StagedBrick> = staged.iter().collect();
+        let (bricks, bytes) = count(&all);
+        let steps = match self.places() {
+            true => vec![(bricks, bytes)],
+            false => {
+                let of_atlas = |(atlas, _): (usize, Vec<u32>)| {
+                    let of_step = staged.iter().filter(|brick| brick.atlas == atlas);
+                    count(&of_step.collect::<Vec<_>>())
+                };
+                slots_by_atlas(staged).into_iter().map(of_atlas).collect()
+            }
+        };
+        let details = Details::Copy { time_point: point.value, bricks, bytes };
+        trace.span(Track::Host, "flush", [begin, Instant::now()], details);
+        trace.announce_copies(point.value, steps);
+        trace.count(Counter::BytesUploaded, self.host.counts.uploaded_bytes + bytes);
+        self.staging.take_times().iter().for_each(|times| trace.steps(times));
+    }
+
+    /// A round has told how it stands.
+    pub(super) fn trace_report(&self, report: &Report) {
+        let Some(trace) = &self.trace else { return };
+        let granted: usize = report.atlases.iter().map(|atlas| atlas.grants.len()).sum();
+        trace.count(Counter::RaysWaiting, report.progress.waiting.into());
+        trace.count(Counter::BricksBound, self.host.bound_count() as u64);
+        trace.count(Counter::SlotsGranted, granted as u64);
+    }
+
+    /// Something came from the loaders.
+    pub(super) fn trace_loading(&mut self) {
+        let Some(trace) = &self.trace else { return };
+        let (jobs, dropped) = self.loading.take_jobs();
+        for job in jobs {
+            let track = Track::Loader(job.loader as u32);
+            let (name, details) = match job.work {
+                DoneWork::Read { id, bytes } => ("read", Details::Brick(id, bytes)),
+                DoneWork::Survey { block, bricks } => {
+                    ("survey", Details::Block(block.first(), bricks))
+                }
+            };
+            trace.span(track, name, [job.begin, job.end], details);
+        }
+        trace.count_dropped(dropped);
+        trace.count(Counter::RamCacheBytes, self.loading.statistics().cache_bytes);
+    }
+
+    /// A view is finished, and its copies have ended.
+    pub(super) fn trace_end(&mut self) {
+        self.trace_loading();
+        let Some(trace) = &self.trace else { return };
+        self.staging.take_times().iter().for_each(|times| trace.steps(times));
+        trace.count(Counter::BytesUploaded, self.host.counts.uploaded_bytes);
+        trace.count(Counter::BricksBound, self.host.bound_count() as u64);
+        trace.reads_under_way(self.loading.reads_under_way() as u64);
+    }
+}

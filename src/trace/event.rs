@@ -1,0 +1,101 @@
+//! What a trace consists of: spans on tracks, and counters.
+
+use crate::gpu::RoleKind;
+use crate::volume::BrickId;
+
+/// Whose time a span is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Track {
+    /// The thread that runs the loop.
+    Host,
+    /// A loader thread, numbered from 0.
+    Loader(u32),
+    /// A role's queue.
+    Queue(RoleKind),
+}
+
+/// Something that took time; of fixed size, so that events are bounded by their number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Span {
+    /// Whose time.
+    pub track: Track,
+    /// What was done.
+    pub name: &'static str,
+    /// First nanosecond.
+    pub begin_ns: i64,
+    /// One past the last.
+    pub end_ns: i64,
+    /// What else is known.
+    pub details: Details,
+}
+
+/// What is known of a span beside its times.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Details {
+    /// Nothing.
+    None,
+    /// The round, counted over the whole trace.
+    Round(u64),
+    /// A brick and its voxel bytes; nothing where it could not be read.
+    Brick(BrickId, Option<u64>),
+    /// The first brick of a surveyed block, and how many there are.
+    Block(BrickId, u64),
+    /// A step on a queue: its submit's time point, and the round.
+    Step {
+        /// Value on the role's timeline.
+        time_point: u64,
+        /// The round in which it was submitted.
+        round: u64,
+    },
+    /// A copy on a queue, or the flush that submitted it.
+    Copy {
+        /// Value on the role's timeline.
+        time_point: u64,
+        /// How many bricks; 0 where something else is copied.
+        bricks: u64,
+        /// Texel bytes.
+        bytes: u64,
+    },
+}
+
+/// A number that changes over time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Counter {
+    /// Rays that wait for a brick, at a round's end.
+    RaysWaiting,
+    /// Bricks that a slot is kept for and that have not come.
+    BricksBound,
+    /// Slots that the last round granted.
+    SlotsGranted,
+    /// Texel bytes copied to the device, in this view.
+    BytesUploaded,
+    /// Voxel bytes in the RAM cache.
+    RamCacheBytes,
+}
+
+impl Counter {
+    pub(super) const ALL: [Counter; 5] = [
+        Counter::RaysWaiting,
+        Counter::BricksBound,
+        Counter::SlotsGranted,
+        Counter::BytesUploaded,
+        Counter::RamCacheBytes,
+    ];
+
+    /// The word in the file.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Counter::RaysWaiting => "rays waiting",
+            Counter::BricksBound => "bricks bound",
+            Counter::SlotsGranted => "slots granted",
+            Counter::BytesUploaded => "bytes uploaded",
+            Counter::RamCacheBytes => "RAM cache bytes",
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Event {
+    Span(Span),
+    Count { counter: Counter, at_ns: i64, value: u64 },
+}
