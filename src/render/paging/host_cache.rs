@@ -68,6 +68,8 @@ pub struct HostCache {
     constants_written: usize,
     failed: BTreeMap<BrickId, Error>,
     loaded: HashSet<BrickId>,
+    /// Came before a slot was kept for them.
+    ahead: HashSet<BrickId>,
     /// Bricks to be loaded before all else, until they are there or known not to travel.
     floor: BTreeSet<BrickId>,
     held: Vec<BrickId>,
@@ -99,6 +101,7 @@ impl HostCache {
             constants_written: 0,
             failed: BTreeMap::new(),
             loaded: HashSet::new(),
+            ahead: HashSet::new(),
             floor: held.iter().copied().collect(),
             held,
             surveys_pending: 0,
@@ -109,6 +112,7 @@ impl HostCache {
     /// A new view: counts begin anew.
     pub fn begin_view(&mut self) {
         self.loaded.clear();
+        self.ahead.clear();
         self.counts = Counts::default();
     }
 
@@ -275,7 +279,12 @@ impl HostCache {
         known.get(at).copied()
     }
 
-    /// Bricks to load: those that slots are kept for, and up to `ahead` more.
+    /// Came though no slot was kept for it: it waits in the RAM cache.
+    pub fn came_ahead(&mut self, id: BrickId) {
+        self.ahead.insert(id);
+    }
+
+    /// Bricks to load: those that slots are kept for, and up to `ahead` more that have not come yet.
     pub fn wishes(&self, ahead: usize) -> Vec<Wish> {
         let bound = self.bound.iter().map(|(id, bound)| Wish { id: *id, rank: bound.rank.into() });
         let known = |id: &BrickId| {
@@ -284,7 +293,7 @@ impl HostCache {
         let ahead = self
             .wanted
             .iter()
-            .filter(|(_, id)| known(id))
+            .filter(|(_, id)| known(id) && !self.ahead.contains(id))
             .take(ahead)
             .map(|(rank, id)| Wish { id: *id, rank: u64::from(*rank) + (1 << 32) });
         bound.chain(ahead).collect()
@@ -323,6 +332,7 @@ impl HostCache {
             owner: number,
         });
         self.floor.remove(&id);
+        self.ahead.remove(&id);
         self.counts.uploaded += 1;
         self.counts.uploaded_bytes += bytes;
         let level = usize::from(id.level);

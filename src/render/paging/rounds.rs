@@ -307,10 +307,11 @@ impl Rounds<'_> {
             }
             Delivery::Failed { id, why } => self.paged.host.failed(id, why),
             Delivery::Brick { id, bytes, .. } => {
-                // What no slot is kept for stays in the RAM cache.
-                if let Some(slot) = self.paged.host.slot_of(id)
-                    && !self.paged.stage(id, slot, &bytes)?
-                {
+                let Some(slot) = self.paged.host.slot_of(id) else {
+                    self.paged.host.came_ahead(id);
+                    return Ok(true);
+                };
+                if !self.paged.stage(id, slot, &bytes)? {
                     self.flush()?;
                     self.paged.stage(id, slot, &bytes)?;
                 }
