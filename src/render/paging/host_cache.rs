@@ -121,7 +121,8 @@ impl HostCache {
             self.pool[atlas].extend(&of_atlas.grants);
             for [entry, rank] in &of_atlas.requests {
                 let id = self.numbers.brick(atlas, *entry);
-                if self.bound.contains_key(&id) {
+                // What came while the device marched is there from the next round on.
+                if self.bound.contains_key(&id) || self.updates.contains_key(entry) {
                     continue;
                 }
                 let block = Block::of(id);
