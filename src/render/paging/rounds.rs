@@ -137,7 +137,9 @@ impl Rounds<'_> {
                 }
                 Some(Delivery::Failed { id: failed, .. }) if failed == id => break,
                 None if self.paged.loading.outstanding() == 0 => break,
-                _ => {}
+                None => {}
+                // Of before: each comes once, and is not to be lost.
+                Some(other) => self.take(other)?,
             }
         }
         Ok(false)
@@ -292,6 +294,11 @@ impl Rounds<'_> {
     fn deliver(&mut self, timeout: Duration) -> Result<bool> {
         let Some(delivery) = self.paged.loading.next(timeout) else { return Ok(false) };
         self.asked = Instant::now();
+        self.take(delivery)?;
+        Ok(true)
+    }
+
+    fn take(&mut self, delivery: Delivery) -> Result<()> {
         match delivery {
             Delivery::Surveyed { block, entries } => {
                 self.paged.host.take_survey(block, &entries);
@@ -307,7 +314,7 @@ impl Rounds<'_> {
                 }
             }
         }
-        Ok(true)
+        Ok(())
     }
 
     /// Nothing has come for longer than patience lasts: what is on its way is given up.
