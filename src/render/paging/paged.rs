@@ -513,9 +513,11 @@ fn annotate(record: &mut Record, paged: &Paged, published: &[u32]) {
     }
 }
 
-/// Adds to the round's last record which slots it granted, once that is known.
-pub fn annotate_grants(record: &mut Record, grants: &[u32]) {
-    if let Some(step) = record.steps.iter_mut().rev().find(|step| step.label == "grant") {
+/// Adds to the last round's record which slots it granted, once that is known. Copies may have been
+/// recorded since.
+pub fn annotate_grants(records: &mut [Record], grants: &[u32]) {
+    let mut steps = records.iter_mut().rev().flat_map(|record| record.steps.iter_mut().rev());
+    if let Some(step) = steps.find(|step| step.label == "grant") {
         step.slots = grants.iter().map(|slot| (SlotEvent::Granted, *slot)).collect();
     }
 }

@@ -202,9 +202,7 @@ impl Rounds<'_> {
             let grants: Vec<_> =
                 report.atlases.iter().flat_map(|atlas| atlas.grants.iter().copied()).collect();
             grants.iter().for_each(|slot| _ = self.paged.readable.remove(slot));
-            if let Some(last) = self.records.last_mut() {
-                annotate_grants(last, &grants);
-            }
+            annotate_grants(self.records, &grants);
             self.records.push(Record::of_host(vec![HostEvent::Waited(point)]));
         }
         for atlas in &report.atlases {
