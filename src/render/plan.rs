@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::error::{Error, Result};
-use crate::gpu::{BufferSpec, Gpu, Image, ImageSpec, Shader, ShaderCompiler, Variant};
+use crate::gpu::{BufferSpec, Gpu, Image, ImageSpec, ObjectKind, Shader, ShaderCompiler, Variant};
 use crate::passes::cache_buffers::RankOrder;
 use crate::passes::march_shape::{ChannelShape, FilterShape, Shape};
 use crate::passes::{cast, rays, resolve};
@@ -17,6 +17,7 @@ use crate::render::plan_objects::{copies_of, objects, plan_buffers, planned_buff
 use crate::render::scene_data::SceneData;
 use crate::render::settings::{Addressing, Settings};
 use crate::render::transfer_segments::{classify_constant, transfer_segments};
+use crate::residency::PASSES_IN_TURNS;
 use crate::twins::limits::BLOCK_SAMPLES;
 use crate::twins::ray_setup::ViewRays;
 use crate::twins::transfer::TransferSegment;
@@ -293,6 +294,11 @@ impl Plan {
         let memory_bytes =
             atlas_bytes + buffers.iter().map(|buffer| buffer.memory_bytes).sum::<u64>();
         check_limits(gpu, &buffers, memory_bytes)?;
+        // A scene's rounds are not known before: as many submits and copies as are in flight at once.
+        let mut objects = objects(gpu, &buffers, &images, passes.len() as u64, u64::MAX, u64::MAX);
+        for kind in [ObjectKind::DescriptorPool, ObjectKind::DescriptorSet] {
+            *objects.entry(kind.name()).or_default() += PASSES_IN_TURNS;
+        }
         Ok(Plan {
             device: gpu.facts().name.clone(),
             driver: gpu.facts().driver.clone(),
@@ -304,8 +310,7 @@ impl Plan {
             views: scene.views.iter().map(|view| view.name.clone()).collect(),
             step_world: Some(scene.quality.step * data.world_from_voxel(0).smallest_edge()),
             samples_of_ray_max,
-            // A scene's rounds are not known before: as many submits and copies as are in flight at once.
-            objects: objects(gpu, &buffers, &images, passes.len() as u64, u64::MAX, u64::MAX),
+            objects,
             buffers,
             images,
             passes,

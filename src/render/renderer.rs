@@ -278,12 +278,23 @@ impl Renderer {
         let mut converged = true;
         paged.begin_view();
         let tiles = self.tiles(view as u32);
-        for (number, tile) in tiles.iter().enumerate() {
+        let mut number = 0;
+        while let Some(tile) = tiles.get(number) {
+            let epoch = paged.epoch;
             self.buffers.counters.write(0, &[0; 8])?;
             let mut part = |of_tile: f64| progress((number as f64 + of_tile) / tiles.len() as f64);
             paging::draw(self, paged, *tile, &mut statistics, &mut records, &mut part)?;
+            if number > 0 && paged.epoch != epoch {
+                // Tiles of before show the source as it was.
+                number = 0;
+                converged = true;
+                statistics.samples = 0;
+                statistics.bricks_needed = 0;
+                continue;
+            }
             converged &= statistics.converged;
             statistics.samples += self.collect(*tile, &mut pixels)?;
+            number += 1;
         }
         paged.tell(&mut statistics)?;
         statistics.converged = converged;

@@ -29,6 +29,9 @@ pub use atlas_layout::AtlasLayout;
 pub use lists::{OfAtlas, Report};
 pub use shape::{AtlasPlan, ENTRY_ALIGNMENT, ResidencyShape};
 
+/// publish, count and grant bind other buffers every other round: a set of descriptors for each turn.
+pub const PASSES_IN_TURNS: u64 = 3;
+
 /// Buffers, atlases and pipelines of one volume's bricks.
 pub struct Residency {
     shape: ResidencyShape,

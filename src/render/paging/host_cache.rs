@@ -60,6 +60,8 @@ pub struct HostCache {
     bound: BTreeMap<BrickId, Bound>,
     /// Bit per brick of a block: whether its voxels have to travel. Empty: asked for, not known yet.
     surveyed: HashMap<Block, Vec<bool>>,
+    /// Of which some entries could not be had.
+    surveyed_in_part: HashSet<Block>,
     /// Of the last report, in order of rank: bricks that are neither there nor on their way.
     wanted: Vec<(u32, BrickId)>,
     updates: BTreeMap<u32, Update>,
@@ -94,6 +96,7 @@ impl HostCache {
             slot_first,
             bound: BTreeMap::new(),
             surveyed: HashMap::new(),
+            surveyed_in_part: HashSet::new(),
             wanted: Vec::new(),
             updates: BTreeMap::new(),
             constants: HashMap::new(),
@@ -125,7 +128,8 @@ impl HostCache {
             self.pool[atlas].extend(&of_atlas.grants);
             for [entry, rank] in &of_atlas.requests {
                 let id = self.numbers.brick(atlas, *entry);
-                if self.bound.contains_key(&id) {
+                // What came while the device marched is there from the next round on.
+                if self.bound.contains_key(&id) || self.updates.contains_key(entry) {
                     continue;
                 }
                 let block = Block::of(id);
@@ -171,6 +175,7 @@ impl HostCache {
             };
             let value = match of_source {
                 Err(why) => {
+                    self.surveyed_in_part.insert(block);
                     self.failed.insert(*id, why.clone());
                     Some(entry(ENTRY_FAILED, 0))
                 }
@@ -380,9 +385,11 @@ impl HostCache {
 
     /// Failed bricks may be asked for again.
     pub fn forget_failures(&mut self) {
+        // Whole surveys hold for the epoch: loaders do not give them again.
+        for block in std::mem::take(&mut self.surveyed_in_part) {
+            self.surveyed.remove(&block);
+        }
         for id in std::mem::take(&mut self.failed).into_keys() {
-            // What the survey said may be the failure.
-            self.surveyed.remove(&Block::of(id));
             if let Some(number) = self.numbers.entry(id) {
                 let value = entry(ENTRY_UNMAPPED, 0);
                 self.update(Update { entry: number, value, slot: OWNER_FREE, owner: OWNER_FREE });
@@ -395,6 +402,7 @@ impl HostCache {
         self.pool.iter_mut().for_each(Vec::clear);
         self.bound.clear();
         self.surveyed.clear();
+        self.surveyed_in_part.clear();
         self.wanted.clear();
         self.updates.clear();
         self.failed.clear();

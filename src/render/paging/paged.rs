@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use crate::error::Result;
 use crate::gpu::{
-    Buffer, ComputePipeline, Gpu, Place, Record, Recorder, RoleKind, Shader, SlotEvent, Staging,
-    Submitted, TimePoint,
+    Access, Buffer, ComputePipeline, Gpu, HostEvent, Place, Record, Recorder, RoleKind, Shader,
+    SlotEvent, Staging, Submitted, TimePoint,
 };
 use crate::loading::{Loading, LoadingLimits};
 use crate::passes::march_bricks::{self, RayBuffers};
@@ -76,6 +76,8 @@ struct Placing {
     pipelines: Vec<Arc<ComputePipeline>>,
     /// First byte of the upload buffer that nothing is staged for.
     free: u64,
+    /// Placements that a dispatch under way may still read.
+    written: usize,
     /// The upload buffer is read until then.
     placed_at: Option<TimePoint>,
 }
@@ -151,6 +153,7 @@ impl Paged {
                     placements: make("placements")?,
                     pipelines: (9..shaders.len()).map(pipeline).collect::<Result<_>>()?,
                     free: 0,
+                    written: 0,
                     placed_at: None,
                 }),
             },
@@ -341,14 +344,30 @@ impl Placing {
             let of_atlas = staged.iter().filter(|brick| brick.atlas == *atlas);
             placements.extend(of_atlas.map(|brick| brick.placement));
         }
-        self.placements.write(0, bytemuck::cast_slice(&placements))?;
+        // Behind those of before, which the device may not have read yet.
+        let mut host = Vec::new();
+        let room = self.placements.bytes() as usize / size_of::<Placement>();
+        if self.written + placements.len() > room {
+            if let Some(point) = self.placed_at {
+                gpu.wait(point)?;
+                host.push(HostEvent::Waited(point));
+            }
+            self.written = 0;
+        }
+        let bytes_of = |first: usize, count: usize| {
+            let start = ((self.written + first) * size_of::<Placement>()) as u64;
+            start..start + (count * size_of::<Placement>()) as u64
+        };
+        let range = bytes_of(0, placements.len());
+        self.placements.write(range.start, bytemuck::cast_slice(&placements))?;
+        host.push(HostEvent::Wrote { buffer: self.placements.name(), range });
         let mut recorder = Recorder::new(gpu, RoleKind::Render, None);
         for ((atlas, slots), first) in by_atlas.iter().zip(&firsts) {
             let of_atlas = &placements[*first..][..slots.len()];
             let texels = of_atlas.iter().map(|placement| placement.size.iter().product());
             let push = twins::place::Push {
                 texels_max: texels.max().unwrap_or(1),
-                first_placement: *first as u32,
+                first_placement: (self.written + *first) as u32,
             };
             let resources = place::Resources {
                 upload: &self.upload,
@@ -364,10 +383,15 @@ impl Placing {
             );
         }
         let mut submitted = recorder.submit(&[copied])?;
-        for (step, (atlas, slots)) in submitted.record.steps.iter_mut().zip(by_atlas) {
+        submitted.record.host = host;
+        let steps = submitted.record.steps.iter_mut().zip(by_atlas);
+        for ((step, (atlas, slots)), first) in steps.zip(firsts) {
+            let (name, read) = (self.placements.name(), bytes_of(first, slots.len()));
+            step.regions.push((name, read, Access::ShaderRead));
             step.by_slot.push(residency.atlases()[atlas].spec().name);
             step.slots = slots.into_iter().map(|slot| (SlotEvent::Placed, slot)).collect();
         }
+        self.written += placements.len();
         self.free = 0;
         self.placed_at = Some(submitted.point);
         Ok(submitted)
@@ -531,9 +555,11 @@ fn annotate(record: &mut Record, paged: &Paged, published: &[u32]) {
     }
 }
 
-/// Adds to the round's last record which slots it granted, once that is known.
-pub fn annotate_grants(record: &mut Record, grants: &[u32]) {
-    if let Some(step) = record.steps.iter_mut().rev().find(|step| step.label == "grant") {
+/// Adds to the last round's record which slots it granted, once that is known. Copies may have been
+/// recorded since.
+pub fn annotate_grants(records: &mut [Record], grants: &[u32]) {
+    let mut steps = records.iter_mut().rev().flat_map(|record| record.steps.iter_mut().rev());
+    if let Some(step) = steps.find(|step| step.label == "grant") {
         step.slots = grants.iter().map(|slot| (SlotEvent::Granted, *slot)).collect();
     }
 }

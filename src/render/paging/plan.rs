@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use crate::error::{Error, Result};
-use crate::gpu::{BufferSpec, Gpu, MemoryHome, Staging, Variant};
+use crate::gpu::{BufferSpec, Gpu, Image, MemoryHome, Staging, Variant};
 use crate::passes::brick_shape::{AtlasShape, BrickShape};
 use crate::passes::cache_buffers::{RankOrder, RankShape};
 use crate::passes::march_shape::{ChannelShape, Shape};
@@ -353,7 +353,12 @@ fn atlases_of(
         let layout = AtlasLayout::fit(gpu, name, *format, placed, slot, slots_max, bytes_max)
             .filter(|layout| layout.slot_count() >= least.min(slots_max));
         let Some(layout) = layout else {
-            let needed = u64::from(least) * texels * format.bytes() * weights / weight(atlas);
+            // What the device takes for them, which is more than their texels.
+            let smallest = AtlasLayout::fit(gpu, name, *format, placed, slot, least, u64::MAX)
+                .map_or(u64::from(least) * texels * format.bytes(), |layout| {
+                    Image::memory_bytes(gpu, &layout.spec)
+                });
+            let needed = smallest.div_ceil(weight(atlas)) * weights;
             return Err(volume.place.error(format!(
                 "volume \"{}\" needs room for {least} bricks of {} bytes, {} MiB with all its channels, but atlas_mib is {}: raise --atlas-mib or import with smaller bricks",
                 volume.name,

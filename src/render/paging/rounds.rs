@@ -142,7 +142,9 @@ impl Rounds<'_> {
                 }
                 Some(Delivery::Failed { id: failed, .. }) if failed == id => break,
                 None if self.paged.loading.outstanding() == 0 => break,
-                _ => {}
+                None => {}
+                // Of before: each comes once, and is not to be lost.
+                Some(other) => self.take(other)?,
             }
         }
         Ok(false)
@@ -204,9 +206,7 @@ impl Rounds<'_> {
             let grants: Vec<_> =
                 report.atlases.iter().flat_map(|atlas| atlas.grants.iter().copied()).collect();
             grants.iter().for_each(|slot| _ = self.paged.readable.remove(slot));
-            if let Some(last) = self.records.last_mut() {
-                annotate_grants(last, &grants);
-            }
+            annotate_grants(self.records, &grants);
             self.records.push(Record::of_host(vec![HostEvent::Waited(point)]));
         }
         for atlas in &report.atlases {
@@ -301,6 +301,11 @@ impl Rounds<'_> {
         let Some(delivery) = self.paged.loading.next(timeout) else { return Ok(false) };
         self.paged.trace_loading();
         self.asked = Instant::now();
+        self.take(delivery)?;
+        Ok(true)
+    }
+
+    fn take(&mut self, delivery: Delivery) -> Result<()> {
         match delivery {
             Delivery::Surveyed { block, entries } => {
                 self.paged.host.take_survey(block, &entries);
@@ -317,7 +322,7 @@ impl Rounds<'_> {
                 }
             }
         }
-        Ok(true)
+        Ok(())
     }
 
     /// Nothing has come for longer than patience lasts: what is on its way is given up.

@@ -1,0 +1,253 @@
+//! The plan of a paged scene against what is created, what an atlas may take, and that nothing of paging
+//! exists where nothing is paged.
+
+use std::collections::BTreeMap;
+
+use ashfall::error::Exit;
+use ashfall::render::paging::{CopyPath, LoadOrder};
+use ashfall::render::{Addressing, Plan, Renderer, SceneData, Settings};
+use ashfall::scene::{Overrides, Refine};
+use ashfall::volume::VoxelFormat;
+
+use crate::binary::{Folder, ashfall};
+use crate::common::drawing::Device;
+use crate::worlds::{
+    Look, at_level_0, bricks, bytes_volume, channel, finished, hill, other_hill, paged, scene,
+    scene_of_whole, slots, volume,
+};
+
+/// Set for the child process that counts its own threads.
+const CHILD: &str = "ASHFALL_TEST_COUNTS_THREADS";
+
+fn two_formats() -> SceneData {
+    let size = [64; 3];
+    let channels =
+        vec![channel(size, VoxelFormat::U8, hill), channel(size, VoxelFormat::U16, other_hill)];
+    let overrides = Overrides { atlas_mib: Some(1), ..at_level_0() };
+    scene(bricks(volume(size, channels), 16), Look::Corner, &overrides)
+}
+
+fn rungs() -> Vec<(&'static str, SceneData, Settings)> {
+    let one = || scene(bytes_volume(64, hill), Look::Corner, &at_level_0());
+    let mut substitute = one();
+    substitute.scene.quality.refine = Refine::Substitute;
+    let mut inside =
+        scene(bytes_volume(96, hill), Look::Inside, &Overrides { level_max: None, ..at_level_0() });
+    inside.scene.quality.early_stop = 0.0;
+    let placed = paged(|paging| {
+        paging.atlas_slots = Some(8);
+        paging.copy_path = Some(CopyPath::Placed);
+        paging.show_states = true;
+    });
+    vec![
+        ("8 slots", one(), slots(8)),
+        (
+            "tiles, short dispatches",
+            one(),
+            Settings { tile: [40, 24], steps_per_dispatch: 32, ..slots(8) },
+        ),
+        ("two atlases, 1 MiB", two_formats(), paged(|_| {})),
+        ("placed, states", one(), placed),
+        ("several levels", inside, slots(16)),
+        ("substitute", substitute, paged(|_| {})),
+    ]
+}
+
+fn draw(renderer: &mut Renderer) -> ashfall::render::Statistics {
+    renderer.draw(0, &mut |_| {}).unwrap_or_else(|why| panic!("{why}")).1
+}
+
+#[test]
+fn a_paged_renderer_creates_what_the_plan_lists_and_nothing_else() {
+    for (name, data, settings) in rungs() {
+        // A device of its own, so that everything counted belongs to this rung.
+        let Some(device) = Device::open() else { return };
+        let mut renderer = device.renderer(&data, &settings);
+        let statistics = draw(&mut renderer);
+        assert!(statistics.converged && statistics.rounds > 2, "{name}: {statistics:?}");
+        let plan = renderer.plan().clone();
+        let created: BTreeMap<_, _> =
+            device.gpu.census.counts().into_iter().map(|(kind, n)| (kind.name(), n)).collect();
+        assert_eq!(created, plan.objects, "{name}: objects");
+        let ledger = device.gpu.ledger.entries();
+        let planned = plan.buffers.iter().map(|buffer| (buffer.name, buffer.memory_bytes));
+        let planned =
+            planned.chain(plan.images.iter().map(|image| (image.name, image.memory_bytes)));
+        for (resource, bytes) in planned {
+            let entry = ledger.get(resource).copied().unwrap_or_default();
+            assert_eq!(entry.bytes_max, bytes, "{name}: bytes of {resource}");
+        }
+        let total: u64 = ledger.values().map(|entry| entry.bytes_max).sum();
+        assert_eq!(total, plan.memory_bytes, "{name}: nothing unplanned is allocated");
+        let atlases = ledger.iter().filter(|(resource, _)| resource.starts_with("atlas_"));
+        let atlas_bytes: u64 = atlases.map(|(_, entry)| entry.bytes_max).sum();
+        assert_eq!(atlas_bytes, plan.atlas_bytes, "{name}: bytes of atlases");
+        assert!(plan.atlas_bytes <= data.scene.memory.atlas_mib << 20, "{name}: a hard limit");
+        device.finish();
+    }
+}
+
+#[test]
+fn atlases_fill_their_limit_and_never_pass_it() {
+    let Some(device) = Device::open() else { return };
+    let size = [160; 3];
+    let formats = [VoxelFormat::U8, VoxelFormat::F32];
+    let mut before = 0;
+    for mib in [1, 2, 3, 5, 8, 13] {
+        let channels = formats.map(|format| channel(size, format, hill)).to_vec();
+        let overrides = Overrides { atlas_mib: Some(mib), ..at_level_0() };
+        let data = scene(bricks(volume(size, channels), 32), Look::Corner, &overrides);
+        let plan = device.plan(&data, &paged(|_| {}));
+        let limit = (mib as u64) << 20;
+        assert!(plan.atlas_bytes <= limit, "{mib} MiB: {}", plan.atlas_bytes);
+        assert!(plan.atlas_bytes * 2 > limit, "{mib} MiB: {} is little", plan.atlas_bytes);
+        assert!(plan.atlas_bytes > before, "{mib} MiB");
+        before = plan.atlas_bytes;
+    }
+    device.finish();
+}
+
+fn refused(device: &Device, data: &SceneData, settings: &Settings) -> ashfall::error::Error {
+    let settings = settings.checked().expect("good numbers");
+    Plan::new(&device.gpu, &device.compiler, data, &settings).expect_err("too small")
+}
+
+#[test]
+fn an_atlas_that_is_too_small_is_refused_with_what_is_needed() {
+    let Some(device) = Device::open() else { return };
+    let size = [96; 3];
+    let four = vec![channel(size, VoxelFormat::F32, hill); 4];
+    let overrides = Overrides { atlas_mib: Some(1), ..at_level_0() };
+    let mut data = scene(bricks(volume(size, four), 32), Look::Corner, &overrides);
+    let why = refused(&device, &data, &paged(|_| {}));
+    assert_eq!(why.exit, Exit::Input, "{why}");
+    // Eight bricks of 34 cubed f32: two for each channel.
+    assert!(why.message.contains("8 bricks of 157216 bytes, 2 MiB"), "{why}");
+    assert!(why.message.contains("atlas_mib is 1") && why.message.contains("--atlas-mib"), "{why}");
+    data.scene.memory.atlas_mib = 2;
+    finished(&device, &data, &paged(|_| {}));
+    let why = refused(&device, &data, &slots(7));
+    assert_eq!(why.exit, Exit::Arguments, "{why}");
+    assert!(why.message.contains("at least 8"), "{why}");
+    device.finish();
+}
+
+#[test]
+fn the_binary_refuses_it_with_exit_code_3() {
+    if Device::open().is_none() {
+        return;
+    }
+    let folder = Folder::new("paging-too-small");
+    let text = "format = 1\n[quality]\nlevel_max = 0\n[[volume]]\nname = \"made\"\nsource = \"made.bricks\"\n\
+        [[volume.channel]]\nwindow = [0, 255]\ntransfer = [{ at = 1.0, color = [1, 1, 1], extinction = 0.1 }]\n\
+        [[view]]\neye = [64, 64, -160]\ntarget = [64, 64, 64]\nup = [0, 1, 0]\nfov_degrees = 30\n";
+    let scene = folder.write("scene.toml", text);
+    let raw = folder.write("made.raw", channel([128; 3], VoxelFormat::U8, hill).voxels.bytes());
+    let store = folder.path("made.bricks");
+    let path = |path: &std::path::Path| path.to_str().expect("UTF-8").to_owned();
+    let (scene, raw, store) = (path(&scene), path(&raw), path(&store));
+    let size = ["--raw-size", "128x128x128", "--raw-type", "u8", "--brick", "96"];
+    let imported = ashfall([&["import", &raw, "-o", &store], &size[..]].concat());
+    assert_eq!(imported.code, Some(0), "{}", imported.stderr);
+    let out = folder.path("out.exr");
+    let picture = path(&out);
+    let render = |flags: &[&str]| {
+        ashfall([&["render", &scene, "-o", &picture, "--addressing", "paged"], flags].concat())
+    };
+    let run = render(&["--atlas-mib", "1"]);
+    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    let sentence = run.sentence().unwrap_or_else(|why| panic!("{why}"));
+    // Two bricks of 98 cubed bytes, and what the device adds.
+    assert!(sentence.contains("2 bricks of 941192 bytes, "), "{sentence}");
+    let needed = sentence.split(" MiB").next().and_then(|text| text.rsplit(' ').next());
+    let needed = needed.expect("a number");
+    assert!(sentence.contains("\"made\"") && sentence.contains("--atlas-mib"), "{sentence}");
+    assert!(!out.exists(), "no picture");
+    let run = render(&["--atlas-mib", needed, "--atlas-slots", "1"]);
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+    assert!(run.stderr.contains("--atlas-slots") && run.stderr.contains("at least 2"));
+    let run = render(&["--atlas-mib", needed, "--size", "16x16"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+}
+
+fn has(plan: &Plan, pass: &str, binding: &str) -> bool {
+    let pass = plan.passes.iter().find(|planned| planned.name == pass);
+    pass.is_some_and(|pass| pass.bindings.iter().any(|bound| bound == binding))
+}
+
+#[test]
+fn what_a_scene_does_not_need_is_nowhere_in_its_plan() {
+    let Some(device) = Device::open() else { return };
+    let dense = bytes_volume(96, hill);
+    let direct = Settings { addressing: Addressing::Direct, ..Settings::default() };
+    let plan = device.plan(&scene_of_whole(&dense, Look::Corner, &at_level_0()), &direct);
+    for buffer in ["page_table", "wished", "updates_0", "requests", "constants", "ray_place"] {
+        assert!(plan.buffers.iter().all(|planned| planned.name != buffer), "direct: {buffer}");
+    }
+    assert!(plan.images.iter().all(|image| !image.name.starts_with("atlas")), "direct: an atlas");
+
+    let exact = scene(dense.clone(), Look::Corner, &at_level_0());
+    let mut substitute = scene(dense.clone(), Look::Corner, &at_level_0());
+    substitute.scene.quality.refine = Refine::Substitute;
+    let levels = Overrides { level_max: None, ..at_level_0() };
+    let inside = scene(dense, Look::Inside, &levels);
+    let plan = device.plan(&exact, &slots(8));
+    let buffer = |plan: &Plan, name| plan.buffers.iter().any(|planned| planned.name == name);
+    assert!(!buffer(&plan, "wish_weight") && buffer(&plan, "slot_needed"), "exact");
+    assert!(!has(&plan, "march_bricks", "views"), "one level: rays are not set up again");
+    assert!(!buffer(&plan, "upload") && !buffer(&plan, "placements"), "straight");
+    assert!(plan.passes.iter().all(|pass| pass.name != "place"), "straight");
+    assert!(!has(&plan, "resolve", "ray_place"), "no states are shown");
+    let plan = device.plan(&inside, &slots(8));
+    assert!(has(&plan, "march_bricks", "views"), "several levels");
+    let plan = device.plan(&substitute, &paged(|_| {}));
+    assert!(buffer(&plan, "wish_weight") && !buffer(&plan, "slot_needed"), "substitute");
+    assert!(has(&plan, "march_bricks", "wish_weight"), "substitute");
+    let shown = paged(|paging| {
+        paging.show_states = true;
+        paging.copy_path = Some(CopyPath::Placed);
+    });
+    let plan = device.plan(&exact, &shown);
+    assert!(has(&plan, "resolve", "ray_place"), "states are shown");
+    assert!(buffer(&plan, "upload") && plan.passes.iter().any(|pass| pass.name == "place"));
+    let papers = paged(|paging| paging.order = LoadOrder::Papers);
+    assert!(buffer(&device.plan(&exact, &papers), "wish_weight"), "papers");
+    device.finish();
+}
+
+/// Threads of this process that are loaders.
+fn loader_threads() -> usize {
+    let tasks = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
+    let names = tasks.filter_map(|task| std::fs::read_to_string(task.path().join("comm")).ok());
+    names.filter(|name| name.starts_with("loader")).count()
+}
+
+/// In a process of its own: other tests have loaders too.
+#[test]
+fn loaders_run_for_paged_scenes_alone() {
+    if std::env::var_os(CHILD).is_none() {
+        let test = std::env::current_exe().expect("this program");
+        let name = "plan::loaders_run_for_paged_scenes_alone";
+        let child = std::process::Command::new(test)
+            .args(["--exact", name, "--nocapture"])
+            .env(CHILD, "1")
+            .output()
+            .expect("it runs");
+        let said = String::from_utf8_lossy(&child.stdout).into_owned();
+        assert!(child.status.success() && said.contains("1 passed"), "{said}");
+        return;
+    }
+    let Some(device) = Device::open() else { return };
+    let data = scene_of_whole(&bytes_volume(64, hill), Look::Corner, &at_level_0());
+    let direct = Settings { addressing: Addressing::Direct, ..Settings::default() };
+    let mut renderer = device.renderer(&data, &direct);
+    draw(&mut renderer);
+    assert_eq!(loader_threads(), 0, "direct");
+    drop(renderer);
+    let mut renderer = device.renderer(&data, &paged(|paging| paging.loaders = Some(3)));
+    draw(&mut renderer);
+    assert_eq!(loader_threads(), 3, "paged");
+    drop(renderer);
+    assert_eq!(loader_threads(), 0, "after the renderer");
+    device.finish();
+}

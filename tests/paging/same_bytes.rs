@@ -1,0 +1,175 @@
+//! Scenes of real data: whatever holds, moves and cuts the work, the finished picture has the same bytes.
+
+use ashfall::cli::load_scene;
+use ashfall::render::paging::CopyPath;
+use ashfall::render::{Addressing, Layout, LayoutChoice, SceneData, Settings};
+use ashfall::scene::{Filter, Overrides};
+
+use crate::common::drawing::{Device, Drawn};
+use crate::common::shared_data;
+use crate::worlds::{assert_same, covered, finished, paged, psnr_db};
+
+const SCENES: [&str; 8] = [
+    "scenes/bonsai.toml",
+    "scenes/aneurism.toml",
+    "scenes/engine.toml",
+    "synth256/sparse.toml",
+    "synth256/linear.toml",
+    "scenes/mni152.toml",
+    "scenes/stent.toml",
+    "scenes/dna_2_channels.toml",
+];
+/// Choices of [`choices`].
+const ROWS: usize = 16;
+/// Against drawing directly; the same bytes are reached.
+const DIRECT_DB_MIN: f64 = 90.0;
+/// What a sampler's own rounding may do to pictures through different atlases.
+const HARDWARE_DB_MIN: f64 = 70.0;
+
+/// Row `row` of 16 in which every two choices meet: column m of an orthogonal array is the parity of
+/// row & m; the atlas, of four kinds, takes columns 1 to 3.
+fn choices(row: usize) -> (SizeOf, Settings) {
+    let column = |mask: usize| (row & mask).count_ones() % 2 == 1;
+    let atlas = [SizeOf::Slots(8), SizeOf::Mib(1), SizeOf::Mib(4), SizeOf::Mib(512)][row & 3];
+    let settings = paged(|paging| {
+        paging.atlas_slots = match atlas {
+            SizeOf::Slots(slots) => Some(slots),
+            SizeOf::Mib(_) => None,
+        };
+        paging.staging_bricks = column(4).then_some(1);
+        paging.loaders = Some(if column(8) { 1 } else { 8 });
+        paging.copy_path = Some(if column(12) { CopyPath::Placed } else { CopyPath::Straight });
+        paging.skipping = !column(5);
+        paging.lockstep = !column(9);
+    });
+    let layout = LayoutChoice::Only(if column(6) { Layout::Quads } else { Layout::Plain });
+    let tile = if column(10) { [48, 40] } else { settings.tile };
+    let steps_per_dispatch = if column(7) { 64 } else { settings.steps_per_dispatch };
+    (atlas, Settings { layout, tile, steps_per_dispatch, ..settings })
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum SizeOf {
+    Slots(u32),
+    Mib(u64),
+}
+
+/// Draws with a row's choices; quads of more than bytes do not fit 1 MiB.
+fn draw_row(device: &Device, data: &mut SceneData, row: usize) -> (Drawn, Settings) {
+    let (atlas, mut settings) = choices(row);
+    data.scene.memory.atlas_mib = match atlas {
+        SizeOf::Mib(mib) => mib,
+        SizeOf::Slots(_) => 256,
+    };
+    data.scene.memory.staging_mib = 64;
+    let texel_bytes: usize = data.volumes[0].shown().map(|channel| channel.format.bytes()).sum();
+    let quads_fit = texel_bytes == 1 || atlas != SizeOf::Mib(1);
+    if !quads_fit || data.scene.quality.filter == Filter::Hardware {
+        settings.layout = LayoutChoice::Only(Layout::Plain);
+    }
+    (finished(device, data, &settings), settings)
+}
+
+fn load(scene: &str, size: u32) -> Option<SceneData> {
+    let overrides = Overrides { size: Some([size; 2]), level_max: Some(0), ..Overrides::default() };
+    let path = shared_data()?.join(scene);
+    Some(load_scene(&path, &overrides).unwrap_or_else(|why| panic!("{why}")))
+}
+
+fn every_way_gives_the_same(scene: &str, size: u32, rows: &[usize]) {
+    let Some(mut data) = load(scene, size) else { return };
+    let Some(device) = Device::open() else { return };
+    let (first, _) = draw_row(&device, &mut data, rows[0]);
+    assert!(covered(&first.picture) > 300, "{scene}: something is seen");
+    for row in &rows[1..] {
+        let (drawn, settings) = draw_row(&device, &mut data, *row);
+        assert_same(&drawn.picture, &first.picture, &format!("{scene}, {settings:?}"));
+    }
+    data.scene.memory.atlas_mib = 1024;
+    let direct = Settings { addressing: Addressing::Direct, ..Settings::default() };
+    let direct = device.draw_with(&data, 0, &direct);
+    let db = psnr_db(&first.picture, &direct.picture);
+    let equal = first.picture == direct.picture;
+    println!("{scene}: direct {db:.1} dB, the same bytes: {equal}");
+    assert!(db >= DIRECT_DB_MIN, "{scene}: {db} dB against direct");
+    device.finish();
+}
+
+/// Rows of one scene: over four scenes every row is drawn.
+fn rows_of(scene: usize) -> Vec<usize> {
+    (0..4).map(|number| (scene * 4 + number * 5) % ROWS).collect()
+}
+
+/// Two tests, so that two cores share them.
+fn some_ways_of(scenes: std::ops::Range<usize>) {
+    for number in scenes {
+        every_way_gives_the_same(SCENES[number], 96, &rows_of(number));
+    }
+}
+
+#[test]
+fn finished_pictures_of_real_scenes_have_the_same_bytes() {
+    some_ways_of(0..4);
+}
+
+#[test]
+fn finished_pictures_of_more_real_scenes_have_the_same_bytes() {
+    some_ways_of(4..8);
+}
+
+#[test]
+#[ignore = "minutes: every row of every scene"]
+fn finished_pictures_of_real_scenes_have_the_same_bytes_in_every_row() {
+    let rows: Vec<usize> = (0..ROWS).collect();
+    for scene in SCENES {
+        every_way_gives_the_same(scene, 256, &rows);
+    }
+}
+
+#[test]
+fn the_sampler_changes_little_between_atlases() {
+    for scene in ["scenes/bonsai.toml", "scenes/stent.toml"] {
+        let Some(mut data) = load(scene, 128) else { return };
+        let Some(device) = Device::open() else { return };
+        data.scene.quality.filter = Filter::Hardware;
+        let (first, _) = draw_row(&device, &mut data, 0);
+        for row in [6, 11] {
+            let (drawn, settings) = draw_row(&device, &mut data, row);
+            let db = psnr_db(&drawn.picture, &first.picture);
+            println!("{scene}, row {row}: {db:.1} dB");
+            assert!(db >= HARDWARE_DB_MIN, "{scene}, {settings:?}: {db} dB");
+        }
+        device.finish();
+    }
+}
+
+#[test]
+fn every_two_choices_meet_in_a_row() {
+    let all: Vec<Vec<usize>> = (0..ROWS)
+        .map(|row| {
+            let (_, settings) = choices(row);
+            let paging = settings.paging;
+            vec![
+                row & 3,
+                usize::from(paging.staging_bricks.is_some()),
+                usize::from(paging.loaders == Some(1)),
+                usize::from(paging.copy_path == Some(CopyPath::Placed)),
+                usize::from(paging.skipping),
+                usize::from(paging.lockstep),
+                usize::from(settings.layout == LayoutChoice::Only(Layout::Quads)),
+                usize::from(settings.tile == [48, 40]),
+                usize::from(settings.steps_per_dispatch == 64),
+            ]
+        })
+        .collect();
+    let kinds = |factor: usize| if factor == 0 { 4 } else { 2 };
+    for first in 0..all[0].len() {
+        for second in 0..first {
+            let met: std::collections::BTreeSet<_> =
+                all.iter().map(|row| (row[first], row[second])).collect();
+            assert_eq!(met.len(), kinds(first) * kinds(second), "{first} and {second}");
+        }
+    }
+    let drawn: std::collections::BTreeSet<_> = (0..SCENES.len()).flat_map(rows_of).collect();
+    assert_eq!(drawn.len(), ROWS, "every row is drawn with some scene: {drawn:?}");
+}
