@@ -314,7 +314,7 @@ impl Rounds<'_> {
             Delivery::Brick { id, bytes, .. } => {
                 let Some(slot) = self.paged.host.slot_of(id) else {
                     self.paged.host.came_ahead(id);
-                    return Ok(true);
+                    return Ok(());
                 };
                 if !self.paged.stage(id, slot, &bytes)? {
                     self.flush()?;
