@@ -78,6 +78,25 @@ fn bricks_of_one_value_are_drawn_and_never_travel() {
     device.finish();
 }
 
+/// Sheets of 14 voxels that begin one voxel behind the border of every other brick of 16.
+fn sheets([x, _, _]: [f64; 3]) -> f64 {
+    let voxel = (x * 64.0) as u32 % 32;
+    if (17..31).contains(&voxel) { 0.9 } else { 0.0 }
+}
+
+#[test]
+fn what_is_skipped_ends_at_its_border() {
+    let Some(device) = Device::open() else { return };
+    let dense = bytes_volume(64, sheets);
+    // Towards lower x and towards higher, where a sample too far lands in a sheet.
+    for look in [Look::Corner, Look::Inside] {
+        let data = scene_of_whole(&dense, look, &at_level_0());
+        let statistics = the_same_every_way(&device, "sheets", &data, true);
+        assert!(statistics.bricks_hidden + statistics.bricks_constant >= 32, "{statistics:?}");
+    }
+    device.finish();
+}
+
 #[test]
 fn every_voxel_format_alone_and_together() {
     let Some(device) = Device::open() else { return };
