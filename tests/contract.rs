@@ -268,6 +268,7 @@ fn brick_shapes() -> Vec<BrickShape> {
         views: 1,
         skipping: false,
         show_states: false,
+        marks: true,
         payload: [32; 3],
         slot: [34; 3],
     };
@@ -284,11 +285,13 @@ fn brick_shapes() -> Vec<BrickShape> {
         views: 2,
         skipping: true,
         show_states: true,
+        marks: true,
         ..plain.clone()
     };
     vec![
         BrickShape { march: shape(&[SCALAR], FilterShape::Sampler), ..plain.clone() },
         BrickShape { skipping: true, ..plain.clone() },
+        BrickShape { marks: false, ..plain.clone() },
         BrickShape { ranks: RankShape { levels: 4, substitute: true }, ..plain.clone() },
         plain,
         BrickShape { ranks: RankShape { levels: 4, substitute: true }, ..full.clone() },

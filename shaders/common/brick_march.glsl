@@ -15,6 +15,7 @@
 //          ATLASES; PAYLOAD, SLOT: voxels and texels of a brick along each axis; FILTER_SAMPLER,
 //          FILTER_FETCH or FILTER_QUADS; SKIPPING: bricks of nothing are crossed in one step;
 //          SUBSTITUTE: a ray takes a coarser level for a missing brick and does not wait;
+//          UNMARKED: slots that a ray uses are not marked, for a bench; exact refinement alone;
 //          SHOW_STATES: what a ray met is remembered; EARLY_STOP; as common/ranks.glsl and
 //          common/classify.glsl
 // source   DESIGN section 5. A sample's brick, value and weight depend on its number alone: a ray that
@@ -87,7 +88,9 @@ void take(inout Found found, uint round, uint value, uint slot_first, uvec2 slot
     if (state == ENTRY_MAPPED) {
         found.has = HAS_SLOT;
         found.origin = origin_of_slot(payload, slots_across) - brick * ivec3(PAYLOAD);
+#ifndef UNMARKED
         round_used[slot_first + payload] = round;
+#endif
     }
     if (state == ENTRY_CONSTANT) {
         found.has = HAS_CONSTANT;
