@@ -11,9 +11,7 @@ use crate::import::DenseVolume;
 use crate::render::{SceneData, VolumeData};
 use crate::scene::{Overrides, Scene};
 use crate::source::computed;
-use crate::volume::{
-    BRICK_PAYLOAD_DEFAULT, ChannelVoxels, Size3, VolumeVoxels, Voxels, WorldFromVoxel,
-};
+use crate::volume::{ChannelVoxels, Size3, VolumeVoxels, Voxels, WorldFromVoxel};
 
 /// Everything visible and nothing opaque: no ray ends early and no brick is hidden.
 const DENSE: &str = "[
@@ -39,8 +37,7 @@ const CLOUD: &str = "[
 ///
 /// # Errors
 /// When this machine has no memory for it.
-pub fn dense(edge: u32, overrides: &Overrides) -> Result<SceneData> {
-    let payload = BRICK_PAYLOAD_DEFAULT;
+pub fn dense(edge: u32, payload: u32, overrides: &Overrides) -> Result<SceneData> {
     in_memory("dense", edge, payload, vec![marschner_lobb(edge)?], &[DENSE], overrides)
 }
 
@@ -48,8 +45,8 @@ pub fn dense(edge: u32, overrides: &Overrides) -> Result<SceneData> {
 ///
 /// # Errors
 /// When this machine has no memory for it.
-pub fn sparse(edge: u32, overrides: &Overrides) -> Result<SceneData> {
-    in_memory("sparse", edge, BRICK_PAYLOAD_DEFAULT, vec![wire(edge)], &[SPARSE], overrides)
+pub fn sparse(edge: u32, payload: u32, overrides: &Overrides) -> Result<SceneData> {
+    in_memory("sparse", edge, payload, vec![wire(edge)], &[SPARSE], overrides)
 }
 
 /// A computed volume of u8 voxels, as a cloud.

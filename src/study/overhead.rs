@@ -33,6 +33,8 @@ pub const MANAGEMENT_GOAL: f64 = 0.05;
 pub struct Effort {
     /// Voxels along each axis.
     pub edge: u32,
+    /// Voxels of a brick along each axis.
+    pub payload: u32,
     /// Pixels across and down.
     pub size: [u32; 2],
     /// Turns that count; one more comes before them.
@@ -93,6 +95,8 @@ pub struct OverheadTable {
     pub clock: &'static str,
     /// Voxels along each axis.
     pub edge: u32,
+    /// Voxels of a brick along each axis.
+    pub payload: u32,
     /// Pixels across and down.
     pub size: [u32; 2],
     /// Turns that count.
@@ -103,7 +107,7 @@ pub struct OverheadTable {
     pub cases: Vec<Case>,
 }
 
-type Make = fn(u32, &Overrides) -> Result<SceneData>;
+type Make = fn(u32, u32, &Overrides) -> Result<SceneData>;
 const SCENES: [(&str, Make, f64); 2] =
     [("dense", bench_scenes::dense, 1.10), ("sparse", bench_scenes::sparse, 0.5)];
 const FILTERS: [(&str, Layout); 3] =
@@ -134,7 +138,7 @@ pub fn measure(
                 filter: Some(filter.to_owned()),
                 ..Overrides::default()
             };
-            let data = make(effort.edge, &overrides)?;
+            let data = make(effort.edge, effort.payload, &overrides)?;
             let mut turns = Turns::new(gpu, compiler, &data, layout, timer)?;
             for turn in 0..=effort.repeats {
                 turns.turn(turn > 0)?;
@@ -148,6 +152,7 @@ pub fn measure(
         driver: gpu.facts().driver.clone(),
         clock: timer.name("device"),
         edge: effort.edge,
+        payload: effort.payload,
         size: effort.size,
         repeats: effort.repeats,
         management_goal: MANAGEMENT_GOAL,

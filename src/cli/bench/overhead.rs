@@ -25,6 +25,10 @@ pub struct Arguments {
     #[arg(long, default_value_t = 256, value_name = "VOXELS",
           value_parser = clap::value_parser!(u32).range(8..=1024))]
     edge: u32,
+    /// Voxels of its bricks along each axis.
+    #[arg(long, default_value_t = 32, value_name = "VOXELS",
+          value_parser = clap::value_parser!(u32).range(4..=128))]
+    payload: u32,
     /// Picture size in pixels, across x down.
     #[arg(long, default_value = "512x512", value_name = "WxH", value_parser = pixels)]
     size: [u32; 2],
@@ -41,9 +45,9 @@ pub struct Arguments {
 /// Measures and prints.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let gpu = arguments.device.open()?;
-    let Arguments { edge, size, repeats, .. } = *arguments;
+    let Arguments { edge, payload, size, repeats, .. } = *arguments;
     let progress = Progress::start("bench overhead");
-    let effort = Effort { edge, size, repeats };
+    let effort = Effort { edge, payload, size, repeats };
     let table = measure(&gpu, &shader_compiler(), &effort, &mut |part| progress.set(part))?;
     drop(progress);
     if arguments.json {
@@ -56,7 +60,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 fn describe(table: &OverheadTable) {
     let [width, height] = table.size;
     print(format_args!(
-        "{} ({})\n{edge} cubed at {width} x {height}, {} time of a frame, medians of {}, everything resident\n\n{:<24} {:>9} {:>9} {:>6} {:>14} {:>6} {:>6} {:>8} {:>7} {:>8}\n",
+        "{} ({})\n{edge} cubed in bricks of {payload} at {width} x {height}, {} time of a frame, medians of {}, everything resident\n\n{:<24} {:>9} {:>9} {:>6} {:>14} {:>6} {:>6} {:>8} {:>7} {:>8}\n",
         table.device,
         table.driver,
         table.clock,
@@ -72,6 +76,7 @@ fn describe(table: &OverheadTable) {
         "marks",
         "PSNR dB",
         edge = table.edge,
+        payload = table.payload,
     ));
     for case in &table.cases {
         let psnr = case.psnr_db.map_or("equal".to_owned(), |psnr| format!("{psnr:.1}"));
