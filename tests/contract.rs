@@ -273,6 +273,7 @@ fn brick_shapes() -> Vec<BrickShape> {
         views: 1,
         skipping: false,
         show_states: false,
+        marks: true,
         payload: [32; 3],
         slot: [34; 3],
     };
@@ -289,11 +290,13 @@ fn brick_shapes() -> Vec<BrickShape> {
         views: 2,
         skipping: true,
         show_states: true,
+        marks: true,
         ..plain.clone()
     };
     vec![
         BrickShape { march: shape(&[SCALAR], FilterShape::Sampler), ..plain.clone() },
         BrickShape { skipping: true, ..plain.clone() },
+        BrickShape { marks: false, ..plain.clone() },
         BrickShape { ranks: RankShape { levels: 4, order: RankOrder::Papers }, ..plain.clone() },
         BrickShape {
             ranks: RankShape { levels: 4, order: RankOrder::Substitute },

@@ -15,8 +15,8 @@
 //          ATLASES; PAYLOAD, SLOT: voxels and texels of a brick along each axis; FILTER_SAMPLER,
 //          FILTER_FETCH or FILTER_QUADS; SKIPPING: bricks of nothing are crossed in one step;
 //          SUBSTITUTE: a ray takes a coarser level for a missing brick and does not wait;
-//          WEIGHTS: rays say how much a wish is worth, and not what they need
-//          beside it;
+//          WEIGHTS: rays say how much a wish is worth, and not what they need beside it;
+//          UNMARKED: slots that a ray uses are not marked, for a bench; exact refinement alone;
 //          SHOW_STATES: what a ray met is remembered; EARLY_STOP; as common/ranks.glsl and
 //          common/classify.glsl
 // source   DESIGN section 5. A sample's brick, value and weight depend on its number alone: a ray that
@@ -95,7 +95,9 @@ void take(inout Found found, uint round, uint value, uint slot_first, uvec2 slot
     if (state == ENTRY_MAPPED) {
         found.has = HAS_SLOT;
         found.origin += origin_of_slot(payload, slots_across);
+#ifndef UNMARKED
         round_used[slot_first + payload] = round;
+#endif
     }
     // A loop of one turn, see march_bricks.
     for (bool constant = state == ENTRY_CONSTANT; constant; constant = false) {

@@ -1,7 +1,10 @@
 //! `ashfall bench`: prices, as ratios within one run.
 
+mod overhead;
+mod paging;
 mod sample;
 mod store;
+mod upload;
 
 use clap::{Args, Subcommand};
 
@@ -16,6 +19,9 @@ pub struct Arguments {
 
 #[derive(Subcommand)]
 enum Bench {
+    Overhead(overhead::Arguments),
+    Upload(upload::Arguments),
+    Paging(paging::Arguments),
     Sample(sample::Arguments),
     Store(store::Arguments),
 }
@@ -23,6 +29,9 @@ enum Bench {
 /// Runs one bench.
 pub fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.bench {
+        Bench::Overhead(arguments) => overhead::run(arguments),
+        Bench::Upload(arguments) => upload::run(arguments),
+        Bench::Paging(arguments) => paging::run(arguments),
         Bench::Sample(arguments) => sample::run(arguments),
         Bench::Store(arguments) => store::run(arguments),
     }

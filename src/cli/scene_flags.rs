@@ -156,7 +156,8 @@ fn is_scene(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"))
 }
 
-fn pixels(text: &str) -> std::result::Result<[u32; 2], String> {
+/// Parses `512x512`.
+pub(super) fn pixels(text: &str) -> std::result::Result<[u32; 2], String> {
     let parts: Vec<_> = text.split('x').map(str::parse).collect();
     match parts[..] {
         [Ok(width), Ok(height)] => Ok([width, height]),

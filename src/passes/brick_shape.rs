@@ -36,6 +36,8 @@ pub struct BrickShape {
     pub skipping: bool,
     /// Whether rays remember what they met.
     pub show_states: bool,
+    /// Whether rays mark the slots that they use: off for `bench overhead` alone.
+    pub marks: bool,
     /// Voxels of a brick along each axis.
     pub payload: [u32; 3],
     /// Texels of a slot along each axis.
@@ -72,7 +74,11 @@ impl BrickShape {
             .define("ATLASES", self.atlases.len())
             .define("PAYLOAD", triple(self.payload))
             .define("SLOT", triple(self.slot));
-        let mut flags = vec![("SKIPPING", self.skipping), ("SHOW_STATES", self.show_states)];
+        let mut flags = vec![
+            ("SKIPPING", self.skipping),
+            ("SHOW_STATES", self.show_states),
+            ("UNMARKED", !self.marks),
+        ];
         flags.retain(|(_, defined)| *defined);
         let mut variant = flags.iter().fold(variant, |variant, (name, _)| variant.define(*name, 1));
         if self.several_levels {

@@ -177,6 +177,7 @@ impl BrickScene {
             views: 1,
             skipping,
             show_states: true,
+            marks: true,
             payload: self.spec.payload,
             slot: self.slot_size(),
         }

@@ -17,6 +17,7 @@ mod view_levels;
 mod visibility;
 
 pub use brick_numbers::{BrickNumbers, ChannelPlace};
+pub use brick_texels::write_texels;
 pub use settings::{CopyPath, LoadOrder, PagingSettings};
 pub use view_levels::ViewLevels;
 

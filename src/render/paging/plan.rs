@@ -146,6 +146,7 @@ impl PagingPlan {
             views: scene.views.len(),
             skipping: settings.paging.skipping,
             show_states: settings.paging.show_states,
+            marks: settings.paging.marks,
             payload: description.payload.to_array(),
             slot,
         };

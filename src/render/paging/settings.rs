@@ -48,6 +48,9 @@ pub struct PagingSettings {
     pub lockstep: bool,
     /// Whether pictures are tinted by what rays met.
     pub show_states: bool,
+    /// Whether rays mark the slots that they use. Off for `bench overhead` alone, where all fits: without
+    /// marks nobody knows which slot is least recently used.
+    pub marks: bool,
     /// Which bricks are loaded first.
     pub order: LoadOrder,
     /// Whether the records of all submits are kept, with what they do to slots: for the simulation of
@@ -67,6 +70,7 @@ impl Default for PagingSettings {
             skipping: true,
             lockstep: true,
             show_states: false,
+            marks: true,
             order: LoadOrder::Guarded,
             keep_records: false,
             patience: Duration::from_secs(30),

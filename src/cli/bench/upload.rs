@@ -1,0 +1,100 @@
+//! `ashfall bench upload`: how fast bricks come to the device, over memcpy.
+
+use clap::Args;
+
+use crate::cli::output::{print, print_json};
+use crate::cli::progress::Progress;
+use crate::cli::scene_flags::DeviceFlags;
+use crate::error::Result;
+use crate::study::upload_price::{Effort, UploadTable, measure};
+
+/// How fast bricks come to the device: bytes of texels a second over those of memcpy, measured in the
+/// same turns.
+///
+/// The host turns voxels into texels in a staging half (host), the transfer role copies them into slots
+/// (copy), and in a frame one half is filled while the other is copied (both). Beside them: as many
+/// bytes as one region, what an image costs that needs no bricks.
+#[derive(Args)]
+#[command(
+    after_help = "Bricks are copied straight from the staging half, or placed by a compute pass where a device's \
+    shaders store texels; what was not measured is listed with the reason.\nTime is processor time where the \
+    device is a CPU, else time on the wall; \"wall\" is always the latter, and tells what working side by \
+    side is worth."
+)]
+pub struct Arguments {
+    /// Voxels of a brick along each axis, without apron; any number of them.
+    #[arg(long, value_name = "VOXELS", value_delimiter = ',', default_value = "16,32,64",
+          value_parser = clap::value_parser!(u32).range(1..=254))]
+    payload: Vec<u32>,
+    /// Texels moved in one turn.
+    #[arg(long, default_value_t = 64, value_name = "MIB",
+          value_parser = clap::value_parser!(u32).range(1..=512))]
+    mib: u32,
+    /// Both staging halves together.
+    #[arg(long, default_value_t = 16, value_name = "MIB",
+          value_parser = clap::value_parser!(u32).range(1..=1024))]
+    staging_mib: u32,
+    /// Turns of which the median counts; one more warms up.
+    #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    repeats: u32,
+    /// Print one JSON object instead of a table.
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    device: DeviceFlags,
+}
+
+/// Measures and prints.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let gpu = arguments.device.open()?;
+    let effort = Effort {
+        payloads: arguments.payload.clone(),
+        mib: arguments.mib,
+        staging_mib: arguments.staging_mib,
+        repeats: arguments.repeats,
+    };
+    let progress = Progress::start("bench upload");
+    let table = measure(&gpu, &effort, &mut |part| progress.set(part))?;
+    drop(progress);
+    if arguments.json {
+        return print_json(&table);
+    }
+    describe(&table);
+    Ok(())
+}
+
+fn describe(table: &UploadTable) {
+    print(format_args!(
+        "{} ({})\nbytes of texels a second over memcpy's, {} time, medians of {} (least to most)\n\n{:<30} {:>11} {:>20} {:>20} {:>20} {:>6} {:>20}\n",
+        table.device,
+        table.driver,
+        table.clock,
+        table.repeats,
+        "path, payload, voxels, layout",
+        "memcpy GB/s",
+        "host",
+        "copy",
+        "both",
+        "wall",
+        "one region",
+    ));
+    for row in &table.rows {
+        let ratio = |rate: &crate::study::upload_price::Rate| {
+            let over = rate.over_memcpy;
+            format!("{:.2} ({:.2} to {:.2})", over.median, over.least, over.most)
+        };
+        print(format_args!(
+            "{:<30} {:>11.2} {:>20} {:>20} {:>20} {:>6.2} {:>20}\n",
+            format!("{}, {}, {}, {}", row.path, row.payload, row.voxels, row.layout),
+            row.memcpy.gb_per_second.median,
+            ratio(&row.host),
+            ratio(&row.copy),
+            ratio(&row.together),
+            row.together.wall_over_memcpy.median,
+            ratio(&row.one_region),
+        ));
+    }
+    for left in &table.left_out {
+        print(format_args!("left out: {} for {}: {}\n", left.path, left.texels, left.why));
+    }
+}

@@ -1,0 +1,153 @@
+//! `ashfall bench overhead`, `upload` and `paging` run small here, so that they cannot rot. What they
+//! count is held to; what they time is not.
+
+mod support;
+
+use std::process::{Command, Output};
+
+use serde_json::Value;
+use support::Folder;
+
+fn bench(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_ashfall")).arg("bench").args(arguments).output().unwrap()
+}
+
+fn figures(arguments: &[&str]) -> Value {
+    let output = bench(&[arguments, &["--json", "--validate"]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let figures: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(figures["format"], 1);
+    for key in ["device", "driver", "clock"] {
+        assert!(figures[key].is_string(), "{key}");
+    }
+    figures
+}
+
+/// Whether median, least and most are there and in order.
+fn is_spread(value: &Value) -> bool {
+    let parts = ["least", "median", "most"].map(|key| value[key].as_f64());
+    let [Some(least), Some(median), Some(most)] = parts else { return false };
+    least <= median && median <= most
+}
+
+#[test]
+fn overhead_compares_equal_pictures_without_loading() {
+    let small = ["--edge", "64", "--payload", "16", "--size", "48x48", "--repeats", "1"];
+    let table = figures(&[&["overhead"], &small[..]].concat());
+    let cases = table["cases"].as_array().unwrap();
+    assert_eq!(cases.len(), 6, "two scenes, three filters");
+    for case in cases {
+        assert_eq!(case["bricks_uploaded"], 0, "{case}");
+        let psnr = &case["psnr_db"];
+        assert!(psnr.is_null() || psnr.as_f64().unwrap() >= 90.0, "{case}");
+        for key in ["direct_ms", "paged_ms", "ratio", "march_ratio", "management_share"] {
+            assert!(is_spread(&case[key]), "{key} of {case}");
+        }
+        assert!(is_spread(&case["marks_share"]) && case["ratio_goal"].is_number());
+        let [direct, paged] =
+            ["direct_samples", "paged_samples"].map(|key| case[key].as_u64().unwrap());
+        match case["scene"].as_str() {
+            Some("dense") => {
+                assert_eq!(direct, paged, "nothing is skipped");
+                assert_eq!(case["bricks_hidden"], 0);
+                assert_eq!(case["bricks_resident"], 64, "all of them");
+            }
+            _ => assert!(paged < direct, "hidden bricks are crossed: {case}"),
+        }
+    }
+}
+
+#[test]
+fn upload_gives_every_rate_and_says_what_it_left_out() {
+    let table = figures(&[
+        "upload",
+        "--payload",
+        "8,14",
+        "--mib",
+        "1",
+        "--staging-mib",
+        "1",
+        "--repeats",
+        "1",
+    ]);
+    let rows = table["rows"].as_array().unwrap();
+    let straight: Vec<_> = rows.iter().filter(|row| row["path"] == "straight").collect();
+    assert_eq!(straight.len(), 8, "two payloads, four formats");
+    assert_eq!(straight[0]["brick_bytes"], 1000, "apron included");
+    for row in rows {
+        assert!(row["bricks"].as_u64().unwrap() >= 1, "{row}");
+        for part in ["memcpy", "host", "copy", "together", "one_region"] {
+            for key in ["gb_per_second", "over_memcpy", "wall_over_memcpy"] {
+                assert!(is_spread(&row[part][key]), "{part}.{key} of {row}");
+            }
+        }
+    }
+    for left in table["left_out"].as_array().unwrap() {
+        assert!(left["path"].is_string() && left["why"].is_string(), "{left}");
+    }
+}
+
+#[test]
+fn paging_loads_each_brick_of_one_channel_about_once() {
+    let folder = Folder::new();
+    let output = folder.0.to_str().unwrap();
+    let small = ["paging", "--edge", "48", "--size", "40x40", "--repeats", "1", "--slots", "8,all"];
+    let table = figures(&[&small[..], &["--order", "guarded", "-o", output]].concat());
+    let rows = table["rows"].as_array().unwrap();
+    assert_eq!(rows.len(), 6, "three scenes, two atlases");
+    for row in rows {
+        assert_eq!(row["converged"], true, "{row}");
+        assert_eq!(row["repeats_agree"], true, "{row}");
+        assert!(row["never_ends"].is_null() && is_spread(&row["ms"]), "{row}");
+        let factor = row["factor"].as_f64().unwrap();
+        assert!(factor >= 1.0, "each needed brick was uploaded: {row}");
+        if row["scene"] != "4 channels" {
+            assert!(factor <= 1.05, "{row}");
+        }
+    }
+    let csv = std::fs::read_to_string(folder.0.join("paging.csv")).unwrap();
+    assert_eq!(csv.lines().count(), 1 + rows.len());
+    assert!(csv.starts_with("scene,order,slots,"));
+    let svg = std::fs::read_to_string(folder.0.join("paging.svg")).unwrap();
+    for words in ["<svg", "</svg>", "slots of the atlas", "uploaded over needed", "rounds"] {
+        assert!(svg.contains(words), "{words}");
+    }
+}
+
+/// Bricks go by count and least recent use: whether such pictures end is theirs to say, not an error.
+#[test]
+fn an_unfinished_picture_in_the_papers_order_is_a_row() {
+    let table = figures(&[
+        "paging",
+        "--edge",
+        "48",
+        "--size",
+        "40x40",
+        "--repeats",
+        "1",
+        "--slots",
+        "8",
+        "--order",
+        "papers",
+    ]);
+    for row in table["rows"].as_array().unwrap() {
+        assert_eq!(row["order"], "papers");
+        assert_eq!(row["never_ends"].is_null(), row["converged"] == true, "{row}");
+    }
+}
+
+#[test]
+fn wrong_words_are_wrong_arguments() {
+    for arguments in [
+        &["overhead", "--edge", "4"][..],
+        &["overhead", "--size", "large"],
+        &["upload", "--payload", "0"],
+        &["paging", "--slots", "some"],
+        &["paging", "--slots", "0"],
+        &["paging", "--order", "any"],
+    ] {
+        assert_eq!(bench(arguments).status.code(), Some(2), "{arguments:?}");
+    }
+    let missing = bench(&["paging", "--scene", "missing.toml"]);
+    assert_eq!(missing.status.code(), Some(3));
+}
