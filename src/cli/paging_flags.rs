@@ -10,8 +10,8 @@ use crate::render::paging::{CopyPath, PagingSettings};
 /// How bricks are paged. Nothing here changes a finished picture, but for --show-states.
 #[derive(Args)]
 pub struct PagingFlags {
-    /// How voxels are addressed: direct (all of level 0 at once), paged (in bricks through an atlas), auto
-    /// (direct where level 0 fits --atlas-mib and --ram-mib).
+    /// How voxels are addressed: direct (all of level 0 at once), paged (in bricks through an atlas),
+    /// auto (direct where level 0 fits the atlas and memory).
     #[arg(long, default_value = "auto", value_parser = addressing, help_heading = "Paging")]
     addressing: Addressing,
     /// Bricks that each atlas holds at most; default: as many as --atlas-mib allows.
