@@ -11,7 +11,7 @@ use crate::render::paging::{CopyPath, PagingSettings};
 #[derive(Args)]
 pub struct PagingFlags {
     /// How voxels are addressed: direct (all of level 0 at once), paged (in bricks through an atlas), auto
-    /// (direct where level 0 fits --atlas-mib and --ram-mib).
+    /// (direct where level 0 fits atlas_mib and ram_mib).
     #[arg(long, default_value = "auto", value_parser = addressing, help_heading = "Paging")]
     addressing: Addressing,
     /// Bricks that each atlas holds at most; default: as many as --atlas-mib allows.
