@@ -14,10 +14,10 @@ pub struct PagingFlags {
     /// auto (direct where level 0 fits the atlas and memory).
     #[arg(long, default_value = "auto", value_parser = addressing, help_heading = "Paging")]
     addressing: Addressing,
-    /// Bricks that each atlas holds at most; default: as many as --atlas-mib allows.
+    /// Bricks that each atlas holds at most; default: as many as atlas_mib allows.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Paging")]
     atlas_slots: Option<u32>,
-    /// Bricks that each staging half holds at most; default: as many as --staging-mib allows.
+    /// Bricks that each staging half holds at most; default: as many as staging_mib allows.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Paging")]
     staging_bricks: Option<u32>,
     /// Threads that read bricks; default: one per core, at most 4.
