@@ -1,7 +1,7 @@
 //! Drawing through an atlas that holds a part of the volume: the paging loop's host side.
 //!
-//! [`plan::PagingPlan`] says what it takes, [`paged::Paged`] holds the objects, [`rounds`] turns the
-//! loop, [`host_cache::HostCache`] keeps the books.
+//! `plan.rs` says what it takes, `paged.rs` holds the objects, `rounds.rs` turns the loop, `host_cache.rs`
+//! keeps the books.
 //!
 //! # Source
 //! DESIGN section 5.
