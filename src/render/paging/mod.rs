@@ -1,6 +1,6 @@
 //! Drawing through an atlas that holds a part of the volume: the paging loop's host side.
 //!
-//! `plan.rs` says what it takes, `paged.rs` holds the objects, `rounds.rs` turns the loop, `host_cache.rs`
+//! `plan.rs` says what it takes, `paged.rs` holds the objects, `rounds.rs` turns the loop, `round.rs` submits one turn of it, `host_cache.rs`
 //! keeps the books.
 //!
 //! # Source
@@ -10,7 +10,9 @@ mod brick_numbers;
 mod brick_texels;
 mod host_cache;
 mod paged;
+mod placing;
 mod plan;
+mod round;
 mod rounds;
 mod settings;
 mod view_levels;
@@ -21,7 +23,8 @@ pub use brick_texels::write_texels;
 pub use settings::{CopyPath, LoadOrder, PagingSettings};
 pub use view_levels::ViewLevels;
 
-pub(super) use paged::{Paged, StagedBrick, slots_by_atlas};
+pub(super) use paged::{Paged, StagedBrick};
+pub(super) use placing::slots_by_atlas;
 pub(super) use plan::PagingPlan;
 pub(super) use rounds::draw;
 pub(super) use view_levels::longest_diagonal_world;

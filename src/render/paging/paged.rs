@@ -1,29 +1,25 @@
-//! Every object of a paged scene, and the submits of one round.
+//! Every object of a paged scene, and how bricks come into its atlases.
 
 use std::sync::Arc;
 use std::time::Instant;
 
 use crate::error::Result;
 use crate::gpu::{
-    Access, Buffer, ComputePipeline, Gpu, HostEvent, Place, Record, Recorder, RoleKind, Shader,
-    SlotEvent, Staging, Submitted, TimePoint,
+    Buffer, ComputePipeline, Gpu, Place, Record, Shader, SlotEvent, Staging, TimePoint,
 };
 use crate::loading::{Loading, LoadingLimits};
-use crate::passes::march_bricks::{self, RayBuffers};
-use crate::passes::{place, rays, resolve};
-use crate::render::frame::Tile;
+use crate::passes::march_bricks::RayBuffers;
 use crate::render::paging::brick_texels::write_texels;
 use crate::render::paging::host_cache::HostCache;
+use crate::render::paging::placing::{Placing, slots_by_atlas};
 use crate::render::paging::plan::PagingPlan;
 use crate::render::paging::settings::CopyPath;
-use crate::render::plan::{DISPATCHES_PER_SUBMIT, Plan};
-use crate::render::renderer::Renderer;
+use crate::render::plan::Plan;
 use crate::render::scene_data::SceneData;
 use crate::render::statistics::Statistics;
-use crate::residency::{Allowance, Residency};
+use crate::residency::Residency;
 use crate::source::Description;
 use crate::trace::Trace;
-use crate::twins;
 use crate::twins::place::Placement;
 use crate::volume::BrickId;
 
@@ -37,21 +33,21 @@ pub struct Paged {
     pub loading: Loading,
     pub host: HostCache,
     pub description: Description,
-    set_up: Arc<ComputePipeline>,
-    march: Arc<ComputePipeline>,
-    resolve: Arc<ComputePipeline>,
+    pub set_up: Arc<ComputePipeline>,
+    pub march: Arc<ComputePipeline>,
+    pub resolve: Arc<ComputePipeline>,
     /// The copy of the first usage order, until the first round has waited for it.
-    first_copies: Vec<TimePoint>,
+    pub first_copies: Vec<TimePoint>,
     /// Whether the device's buffers hold what a first round begins with.
-    cleared: bool,
+    pub cleared: bool,
     /// Copied since the last flush: brick, slot and texel bytes.
     staged: Vec<StagedBrick>,
     /// What the placed copy path takes.
     placing: Option<Placing>,
     /// Copies that the next round's publishing waits for.
-    copied_until: Option<TimePoint>,
+    pub copied_until: Option<TimePoint>,
     /// The round after which granted slots may be written.
-    granted_at: Option<TimePoint>,
+    pub granted_at: Option<TimePoint>,
     /// Of the source, as the renderer counts it.
     pub epoch: u64,
     copy_ms_before: f64,
@@ -67,19 +63,6 @@ pub struct StagedBrick {
     pub bytes: u64,
     pub atlas: usize,
     pub placement: Placement,
-}
-
-/// The upload buffer and the passes that place bricks from it, one per atlas.
-struct Placing {
-    upload: Buffer,
-    placements: Buffer,
-    pipelines: Vec<Arc<ComputePipeline>>,
-    /// First byte of the upload buffer that nothing is staged for.
-    free: u64,
-    /// Placements that a dispatch under way may still read.
-    written: usize,
-    /// The upload buffer is read until then.
-    placed_at: Option<TimePoint>,
 }
 
 /// Staged bricks begin at multiples of the largest texel, in the upload buffer too.
@@ -312,254 +295,5 @@ impl Paged {
         self.readable.clear();
         self.cleared = false;
         Ok(())
-    }
-}
-
-/// Slots of staged bricks, atlas by atlas in the order in which the atlases were first staged for.
-pub fn slots_by_atlas(staged: &[StagedBrick]) -> Vec<(usize, Vec<u32>)> {
-    let mut atlases: Vec<(usize, Vec<u32>)> = Vec::new();
-    for brick in staged {
-        match atlases.iter_mut().find(|(known, _)| *known == brick.atlas) {
-            Some((_, slots)) => slots.push(brick.slot),
-            None => atlases.push((brick.atlas, vec![brick.slot])),
-        }
-    }
-    atlases
-}
-
-impl Placing {
-    /// Places what was copied into the upload buffer, after `copied`.
-    fn place(
-        &mut self,
-        gpu: &Arc<Gpu>,
-        residency: &Residency,
-        staged: &[StagedBrick],
-        copied: TimePoint,
-    ) -> Result<Submitted> {
-        let by_atlas = slots_by_atlas(staged);
-        let mut placements: Vec<Placement> = Vec::new();
-        let mut firsts = Vec::new();
-        for (atlas, _) in &by_atlas {
-            firsts.push(placements.len());
-            let of_atlas = staged.iter().filter(|brick| brick.atlas == *atlas);
-            placements.extend(of_atlas.map(|brick| brick.placement));
-        }
-        // Behind those of before, which the device may not have read yet.
-        let mut host = Vec::new();
-        let room = self.placements.bytes() as usize / size_of::<Placement>();
-        if self.written + placements.len() > room {
-            if let Some(point) = self.placed_at {
-                gpu.wait(point)?;
-                host.push(HostEvent::Waited(point));
-            }
-            self.written = 0;
-        }
-        let bytes_of = |first: usize, count: usize| {
-            let start = ((self.written + first) * size_of::<Placement>()) as u64;
-            start..start + (count * size_of::<Placement>()) as u64
-        };
-        let range = bytes_of(0, placements.len());
-        self.placements.write(range.start, bytemuck::cast_slice(&placements))?;
-        host.push(HostEvent::Wrote { buffer: self.placements.name(), range });
-        let mut recorder = Recorder::new(gpu, RoleKind::Render, None);
-        for ((atlas, slots), first) in by_atlas.iter().zip(&firsts) {
-            let of_atlas = &placements[*first..][..slots.len()];
-            let texels = of_atlas.iter().map(|placement| placement.size.iter().product());
-            let push = twins::place::Push {
-                texels_max: texels.max().unwrap_or(1),
-                first_placement: (self.written + *first) as u32,
-            };
-            let resources = place::Resources {
-                upload: &self.upload,
-                placements: &self.placements,
-                atlas: &residency.atlases()[*atlas],
-            };
-            place::record(
-                &mut recorder,
-                &self.pipelines[*atlas],
-                &resources,
-                slots.len() as u32,
-                &push,
-            );
-        }
-        let mut submitted = recorder.submit(&[copied])?;
-        submitted.record.host = host;
-        let steps = submitted.record.steps.iter_mut().zip(by_atlas);
-        for ((step, (atlas, slots)), first) in steps.zip(firsts) {
-            let (name, read) = (self.placements.name(), bytes_of(first, slots.len()));
-            step.regions.push((name, read, Access::ShaderRead));
-            step.by_slot.push(residency.atlases()[atlas].spec().name);
-            step.slots = slots.into_iter().map(|slot| (SlotEvent::Placed, slot)).collect();
-        }
-        self.written += placements.len();
-        self.free = 0;
-        self.placed_at = Some(submitted.point);
-        Ok(submitted)
-    }
-}
-
-/// What a round is to do.
-#[derive(Clone, Copy, Debug)]
-pub struct Round<'a> {
-    pub tile: Tile,
-    /// Rays begin anew.
-    pub first: bool,
-    /// Bricks count anew as touched.
-    pub forget: bool,
-    pub allowances: &'a [Allowance],
-    pub level: u32,
-}
-
-impl Renderer {
-    /// Submits a round; the last submit's time point ends it.
-    pub(super) fn submit_round(
-        &self,
-        paged: &mut Paged,
-        round: &Round,
-        mut submitted: impl FnMut(Submitted) -> Result<()>,
-    ) -> Result<TimePoint> {
-        if let Some((first, texels)) = paged.host.new_constants() {
-            paged.constants.write(first as u64 * 16, bytemuck::cast_slice(texels))?;
-        }
-        let updates = paged.host.take_updates(paged.plan.residency.updates_max as usize);
-        paged.residency.begin(&updates)?;
-        let mut waits: Vec<TimePoint> = std::mem::take(&mut paged.first_copies);
-        waits.extend(paged.copied_until.take());
-        let push = twins::march_bricks::Push {
-            tile_origin_pixel: round.tile.origin_pixel,
-            tile_size_pixel: round.tile.size_pixel,
-            volume_size: self.volume_size,
-            view: round.tile.view,
-            blocks_max: self.plan.blocks_per_dispatch(),
-            early_stop: self.early_stop,
-            round: paged.residency.round(),
-            last: 0,
-        };
-        let published: Vec<u32> = updates
-            .iter()
-            .filter(|update| update.slot != twins::limits::OWNER_FREE)
-            .map(|update| update.slot)
-            .collect();
-        if self.plan.settings.paging.keep_records {
-            paged.readable.extend(&published);
-        }
-        let dispatches = self.plan.march_dispatches();
-        let mut point = None;
-        for first in (0..dispatches).step_by(DISPATCHES_PER_SUBMIT as usize) {
-            let last = dispatches.min(first + DISPATCHES_PER_SUBMIT);
-            let mut recorder = self.recorder();
-            if first == 0 {
-                if !paged.cleared {
-                    paged.residency.clear(&mut recorder);
-                }
-                if round.forget {
-                    paged.residency.forget_touched(&mut recorder);
-                }
-                paged.residency.publish(&mut recorder, updates.len() as u32);
-                if round.first {
-                    let push = twins::rays::BrickPush {
-                        tile_origin_pixel: round.tile.origin_pixel,
-                        tile_size_pixel: round.tile.size_pixel,
-                        volume_size: self.volume_size,
-                        view: round.tile.view,
-                        step_world: 0.0,
-                        level: round.level,
-                        unused_0: 0,
-                    };
-                    rays::record_for_bricks(
-                        &mut recorder,
-                        &paged.set_up,
-                        &self.buffers.views,
-                        paged.residency.buffers(),
-                        &paged.rays,
-                        &push,
-                    );
-                }
-            }
-            let Some(sampler) = &self.sampler else { unreachable!("atlases have a sampler") };
-            let resources = march_bricks::Resources {
-                views: &self.buffers.views,
-                transfer: &self.buffers.transfer,
-                constants: &paged.constants,
-                atlases: paged.residency.atlases(),
-                sampler,
-            };
-            for dispatch in first..last {
-                let push = twins::march_bricks::Push {
-                    last: u32::from(dispatch + 1 == dispatches),
-                    ..push
-                };
-                let cache = paged.residency.buffers();
-                march_bricks::record(
-                    &mut recorder,
-                    &paged.march,
-                    cache,
-                    &paged.rays,
-                    &resources,
-                    &push,
-                );
-            }
-            if last == dispatches {
-                paged.residency.manage(&mut recorder, round.allowances);
-            }
-            let mut ended = recorder.submit(&waits)?;
-            waits.clear();
-            point = Some(ended.point);
-            if self.plan.settings.paging.keep_records {
-                annotate(&mut ended.record, paged, &published);
-            }
-            submitted(ended)?;
-        }
-        paged.cleared = true;
-        paged.residency.prepared();
-        paged.residency.end();
-        paged.granted_at = point;
-        Ok(point.unwrap_or_else(|| unreachable!("a round has a dispatch")))
-    }
-
-    /// Submits what turns ray states into pixels.
-    pub(super) fn submit_resolve(&self, paged: &Paged, tile: Tile) -> Result<Submitted> {
-        let push = resolve::Push {
-            background: self.background,
-            unused_0: 0,
-            tile_size_pixel: tile.size_pixel,
-        };
-        let states = self.plan.settings.paging.show_states;
-        let resources = resolve::Resources {
-            ray_state: &paged.rays.ray_state,
-            picture: &self.buffers.picture,
-            counters: &self.buffers.counters,
-            states: states.then_some((&paged.rays.ray_block, &paged.rays.ray_place)),
-        };
-        let mut recorder = self.recorder();
-        resolve::record(&mut recorder, &paged.resolve, &resources, &push);
-        recorder.submit(&[])
-    }
-}
-
-/// Adds to a record what it does with slots.
-fn annotate(record: &mut Record, paged: &Paged, published: &[u32]) {
-    let names: Vec<_> =
-        paged.plan.residency.atlases.iter().map(|atlas| atlas.layout.spec.name).collect();
-    for step in &mut record.steps {
-        match step.label {
-            "publish" => {
-                step.slots = published.iter().map(|s| (SlotEvent::Published, *s)).collect();
-            }
-            "march_bricks" => {
-                step.by_slot.extend(&names);
-                step.slots = paged.readable.iter().map(|s| (SlotEvent::MayRead, *s)).collect();
-            }
-            _ => {}
-        }
-    }
-}
-
-/// Adds to the last round's record which slots it granted, once that is known. Copies may have been
-/// recorded since.
-pub fn annotate_grants(records: &mut [Record], grants: &[u32]) {
-    let mut steps = records.iter_mut().rev().flat_map(|record| record.steps.iter_mut().rev());
-    if let Some(step) = steps.find(|step| step.label == "grant") {
-        step.slots = grants.iter().map(|slot| (SlotEvent::Granted, *slot)).collect();
     }
 }

@@ -1,0 +1,114 @@
+//! The placed copy path: bricks come into an upload buffer, from which a compute pass stores them into
+//! their slots.
+
+use std::sync::Arc;
+
+use crate::error::Result;
+use crate::gpu::{
+    Access, Buffer, ComputePipeline, Gpu, HostEvent, Recorder, RoleKind, SlotEvent, Submitted,
+    TimePoint,
+};
+use crate::passes::place;
+use crate::render::paging::paged::StagedBrick;
+use crate::residency::Residency;
+use crate::twins;
+use crate::twins::place::Placement;
+
+/// The upload buffer and the passes that place bricks from it, one per atlas.
+pub struct Placing {
+    pub upload: Buffer,
+    pub placements: Buffer,
+    pub pipelines: Vec<Arc<ComputePipeline>>,
+    /// First byte of the upload buffer that nothing is staged for.
+    pub free: u64,
+    /// Placements that a dispatch under way may still read.
+    pub written: usize,
+    /// The upload buffer is read until then.
+    pub placed_at: Option<TimePoint>,
+}
+
+/// Slots of staged bricks, atlas by atlas in the order in which the atlases were first staged for.
+pub fn slots_by_atlas(staged: &[StagedBrick]) -> Vec<(usize, Vec<u32>)> {
+    let mut atlases: Vec<(usize, Vec<u32>)> = Vec::new();
+    for brick in staged {
+        match atlases.iter_mut().find(|(known, _)| *known == brick.atlas) {
+            Some((_, slots)) => slots.push(brick.slot),
+            None => atlases.push((brick.atlas, vec![brick.slot])),
+        }
+    }
+    atlases
+}
+
+impl Placing {
+    /// Places what was copied into the upload buffer, after `copied`.
+    ///
+    /// # Errors
+    /// Exit code 4 when the device is lost.
+    pub fn place(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        residency: &Residency,
+        staged: &[StagedBrick],
+        copied: TimePoint,
+    ) -> Result<Submitted> {
+        let by_atlas = slots_by_atlas(staged);
+        let mut placements: Vec<Placement> = Vec::new();
+        let mut firsts = Vec::new();
+        for (atlas, _) in &by_atlas {
+            firsts.push(placements.len());
+            let of_atlas = staged.iter().filter(|brick| brick.atlas == *atlas);
+            placements.extend(of_atlas.map(|brick| brick.placement));
+        }
+        // Behind those of before, which the device may not have read yet.
+        let mut host = Vec::new();
+        let room = self.placements.bytes() as usize / size_of::<Placement>();
+        if self.written + placements.len() > room {
+            if let Some(point) = self.placed_at {
+                gpu.wait(point)?;
+                host.push(HostEvent::Waited(point));
+            }
+            self.written = 0;
+        }
+        let bytes_of = |first: usize, count: usize| {
+            let start = ((self.written + first) * size_of::<Placement>()) as u64;
+            start..start + (count * size_of::<Placement>()) as u64
+        };
+        let range = bytes_of(0, placements.len());
+        self.placements.write(range.start, bytemuck::cast_slice(&placements))?;
+        host.push(HostEvent::Wrote { buffer: self.placements.name(), range });
+        let mut recorder = Recorder::new(gpu, RoleKind::Render, None);
+        for ((atlas, slots), first) in by_atlas.iter().zip(&firsts) {
+            let of_atlas = &placements[*first..][..slots.len()];
+            let texels = of_atlas.iter().map(|placement| placement.size.iter().product());
+            let push = twins::place::Push {
+                texels_max: texels.max().unwrap_or(1),
+                first_placement: (self.written + *first) as u32,
+            };
+            let resources = place::Resources {
+                upload: &self.upload,
+                placements: &self.placements,
+                atlas: &residency.atlases()[*atlas],
+            };
+            place::record(
+                &mut recorder,
+                &self.pipelines[*atlas],
+                &resources,
+                slots.len() as u32,
+                &push,
+            );
+        }
+        let mut submitted = recorder.submit(&[copied])?;
+        submitted.record.host = host;
+        let steps = submitted.record.steps.iter_mut().zip(by_atlas);
+        for ((step, (atlas, slots)), first) in steps.zip(firsts) {
+            let (name, read) = (self.placements.name(), bytes_of(first, slots.len()));
+            step.regions.push((name, read, Access::ShaderRead));
+            step.by_slot.push(residency.atlases()[atlas].spec().name);
+            step.slots = slots.into_iter().map(|slot| (SlotEvent::Placed, slot)).collect();
+        }
+        self.written += placements.len();
+        self.free = 0;
+        self.placed_at = Some(submitted.point);
+        Ok(submitted)
+    }
+}
