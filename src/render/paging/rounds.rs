@@ -45,7 +45,9 @@ pub fn draw(
         still: 0,
         restless: 0,
         farthest: 0,
+        reloaded: 0,
         asked: Instant::now(),
+        progressed: Instant::now(),
     };
     rounds.turn(progress)?;
     let _span = renderer.span("resolve");
@@ -64,7 +66,11 @@ struct Rounds<'a> {
     restless: u32,
     /// Greatest front so far: for progress.
     farthest: u32,
+    /// Bricks uploaded again so far.
+    reloaded: u64,
     asked: Instant,
+    /// When a ray last moved or the device last learned something.
+    progressed: Instant,
 }
 
 impl Rounds<'_> {
@@ -343,15 +349,27 @@ impl Rounds<'_> {
         let underway = self.paged.loading.outstanding() > 0 || self.paged.host.has_updates();
         let moved = report.progress.moved > 0 && !self.substitute();
         self.still = if moved || underway { 0 } else { self.still + 1 };
-        let loaded = self.paged.host.has_updates();
-        self.restless = match (moved || self.substitute(), loaded) {
+        // Bricks that had been there before, and no ray moved: they come and go.
+        let counts = &self.paged.host.counts;
+        let reloaded = counts.uploaded - counts.distinct;
+        let again = reloaded > std::mem::replace(&mut self.reloaded, reloaded);
+        self.restless = match (moved || self.substitute(), again) {
             (true, _) => 0,
             (false, true) => self.restless + 1,
             (false, false) => self.restless,
         };
+        if moved || self.paged.host.has_updates() {
+            self.progressed = Instant::now();
+        }
+        let patience = self.renderer.plan.settings.paging.patience;
+        if !underway && self.progressed.elapsed() > patience {
+            let bricks = self.paged.host.bound_count() as u64;
+            self.statistics.unfinished = Some(Unfinished::Starved { bricks });
+            return true;
+        }
         if underway
             && !self.renderer.plan.settings.paging.lockstep
-            && self.asked.elapsed() > self.renderer.plan.settings.paging.patience
+            && self.asked.elapsed() > patience
             && self.gave_up()
         {
             return true;
