@@ -54,7 +54,7 @@ fn mandelbulb_of_64_gib_small() {
 }
 
 #[test]
-#[ignore = "2 to 5 minutes: some 40,000 bricks of level 0 are computed and drawn"]
+#[ignore = "2 to 5 minutes: some 20,000 bricks of level 0 are computed and drawn"]
 fn mandelbulb_of_64_gib_whole_and_from_inside() {
     let _alone = alone();
     if Device::open().is_some() {
