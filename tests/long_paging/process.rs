@@ -1,0 +1,63 @@
+//! What the system says of this process; 0 where it says nothing.
+
+use std::time::Duration;
+
+/// Of a moment in which nothing but the device should be alive.
+#[derive(Clone, Copy, Debug)]
+pub struct Facts {
+    pub resident_mb: f64,
+    pub files: usize,
+    pub threads: usize,
+}
+
+impl Facts {
+    pub fn now() -> Facts {
+        let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+        let kib = line.and_then(|line| line.trim().trim_end_matches(" kB").parse::<f64>().ok());
+        Facts {
+            resident_mb: kib.unwrap_or(0.0) * 1024e-6,
+            files: std::fs::read_dir("/proc/self/fd").map_or(0, Iterator::count),
+            threads: std::fs::read_dir("/proc/self/task").map_or(0, Iterator::count),
+        }
+    }
+}
+
+/// Threads whose name begins so.
+pub fn threads_named(begin: &str) -> usize {
+    let Ok(tasks) = std::fs::read_dir("/proc/self/task") else { return 0 };
+    let name = |task: std::fs::DirEntry| std::fs::read_to_string(task.path().join("comm"));
+    tasks
+        .flatten()
+        .filter_map(|task| name(task).ok())
+        .filter(|name| name.starts_with(begin))
+        .count()
+}
+
+/// Waits for what should soon be so; false when it never was.
+pub fn soon(mut so: impl FnMut() -> bool) -> bool {
+    (0..1000).any(|_| {
+        let now = so();
+        if !now {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        now
+    })
+}
+
+/// Slope of the straight line nearest to points (x, y); 0 of fewer than two.
+pub fn slope(points: &[(f64, f64)]) -> f64 {
+    let count = points.len().max(1) as f64;
+    let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
+    let (mean_x, mean_y) = (mean(|point| point.0), mean(|point| point.1));
+    let both: f64 = points.iter().map(|(x, y)| (x - mean_x) * (y - mean_y)).sum();
+    let square: f64 = points.iter().map(|(x, _)| (x - mean_x).powi(2)).sum();
+    if square > 0.0 { both / square } else { 0.0 }
+}
+
+#[test]
+fn a_line_has_its_slope() {
+    let line: Vec<_> = (0..9).map(|x| (f64::from(x), 3.0 - 0.5 * f64::from(x))).collect();
+    assert!((slope(&line) + 0.5).abs() < 1e-12);
+    assert_eq!((slope(&line[..1]), slope(&[])), (0.0, 0.0));
+}
