@@ -496,7 +496,10 @@ fn too_many_voxels_are_refused_before_any_allocation() {
     }
     for (text, size, remedy) in cases {
         let scene = folder.write("scene.toml", text);
-        let run = ashfall_within(1 << 20, ["render".as_ref(), scene.as_os_str()]);
+        let run = ashfall_within(
+            1 << 20,
+            ["render".as_ref(), scene.as_os_str(), "--addressing".as_ref(), "direct".as_ref()],
+        );
         let says = ["\"ball\"", size, "MiB", "ram_mib", "--ram-mib", remedy];
         assert_eq!(complaint(&run, None, &says), None);
     }

@@ -193,6 +193,10 @@ fn commands_refuse_in_one_sentence() {
             let path = folder.join(file);
             let mut arguments =
                 vec![command.as_ref(), path.as_os_str(), "--ram-mib".as_ref(), "1".as_ref()];
+            // In pages they would be drawn.
+            if command != "reference" {
+                arguments.extend(["--addressing", "direct"].map(std::ffi::OsStr::new));
+            }
             if command != "plan" {
                 arguments.extend(["-o".as_ref(), output.as_os_str()]);
             }

@@ -5,7 +5,7 @@ use clap::Args;
 use crate::cli::output::{print, print_json};
 use crate::cli::scene_flags::{DeviceFlags, SceneFlags, WorkFlags, shader_compiler};
 use crate::error::Result;
-use crate::render::Plan;
+use crate::render::{Addressing, Plan};
 
 /// Say what a scene needs on a device: every object, pass, shader variant and byte, and what is left
 /// out and why. Makes no picture.
@@ -27,6 +27,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let settings = arguments.work.settings()?;
     let data = arguments.scene.load()?;
     // Before a device is looked for: drawing directly takes every voxel.
+    if settings.addressing == Addressing::Direct {
+        data.check_memory()?;
+    }
     let gpu = arguments.device.open()?;
     let plan = Plan::new(&gpu, &shader_compiler(), &data, &settings)?;
     if arguments.json {

@@ -11,7 +11,7 @@ use crate::cli::progress::Progress;
 use crate::cli::scene_flags::{DeviceFlags, SceneFlags, WorkFlags, shader_compiler};
 use crate::cli::trace_file::TraceFile;
 use crate::error::{Error, Exit, Result};
-use crate::render::{Plan, Renderer, SceneData, Statistics};
+use crate::render::{Addressing, Plan, Renderer, SceneData, Statistics};
 
 /// Draw a scene's views into picture files.
 ///
@@ -64,6 +64,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let mut data = arguments.scene.load()?;
     keep_views(&mut data.scene.views, &arguments.view)?;
     // Before a device is looked for: drawing directly takes every voxel.
+    if settings.addressing == Addressing::Direct {
+        data.check_memory()?;
+    }
     let gpu = arguments.device.open()?;
     let plan = Plan::new(&gpu, &shader_compiler(), &data, &settings)?;
     let scene = &arguments.scene.scene;

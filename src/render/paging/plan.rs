@@ -320,7 +320,7 @@ fn atlases_of(
     }
     let numbers = BrickNumbers::new(description, channels, formats.len()).ok_or_else(|| {
         volume.at(Error::input(format!(
-            "{} voxels in bricks of {} are more bricks than this program numbers: import with larger bricks",
+            "{} voxels in bricks of {} are more bricks than this program numbers: lower size or import with larger bricks",
             description.size(),
             description.payload
         )))
