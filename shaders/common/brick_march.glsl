@@ -99,8 +99,7 @@ void take(inout Found found, uint round, uint value, uint slot_first, uvec2 slot
         round_used[slot_first + payload] = round;
 #endif
     }
-    // A loop of one turn, see march_bricks.
-    for (bool constant = state == ENTRY_CONSTANT; constant; constant = false) {
+    if (state == ENTRY_CONSTANT) {
         found.has = HAS_CONSTANT;
         found.texel = constant_texels[payload];
     }

@@ -193,11 +193,9 @@ impl HostCache {
                 },
             };
             travels.push(value.is_none());
-            if value.is_some() {
-                self.floor.remove(id);
-            }
             if let Some(value) = value {
-                self.update(Update { entry: number, value, slot: OWNER_FREE, owner: OWNER_FREE });
+                self.floor.remove(id);
+                self.set_entry(number, value);
             }
         }
         if self.surveyed.insert(block, travels).is_some_and(|known| known.is_empty()) {
@@ -261,8 +259,7 @@ impl HostCache {
             };
             self.bound.insert(id, Bound { slot, rank });
             if expected {
-                let value = entry(ENTRY_EXPECTED, 0);
-                self.update(Update { entry: number, value, slot: OWNER_FREE, owner: OWNER_FREE });
+                self.set_entry(number, entry(ENTRY_EXPECTED, 0));
             }
         }
         self.wanted = left;
@@ -356,8 +353,7 @@ impl HostCache {
         self.failed.insert(id, why);
         self.floor.remove(&id);
         if let Some(number) = self.numbers.entry(id) {
-            let value = entry(ENTRY_FAILED, 0);
-            self.update(Update { entry: number, value, slot: OWNER_FREE, owner: OWNER_FREE });
+            self.set_entry(number, entry(ENTRY_FAILED, 0));
         }
     }
 
@@ -368,8 +364,7 @@ impl HostCache {
             let (atlas, _) = self.atlas_of_slot(bound.slot);
             self.pool[atlas].push(bound.slot);
             if let Some(number) = self.numbers.entry(*id) {
-                let value = entry(ENTRY_UNMAPPED, 0);
-                self.update(Update { entry: number, value, slot: OWNER_FREE, owner: OWNER_FREE });
+                self.set_entry(number, entry(ENTRY_UNMAPPED, 0));
             }
         }
         // Surveys that never came are asked for again.
@@ -391,8 +386,7 @@ impl HostCache {
         }
         for id in std::mem::take(&mut self.failed).into_keys() {
             if let Some(number) = self.numbers.entry(id) {
-                let value = entry(ENTRY_UNMAPPED, 0);
-                self.update(Update { entry: number, value, slot: OWNER_FREE, owner: OWNER_FREE });
+                self.set_entry(number, entry(ENTRY_UNMAPPED, 0));
             }
         }
     }
@@ -408,6 +402,11 @@ impl HostCache {
         self.failed.clear();
         self.surveys_pending = 0;
         self.floor = self.held.iter().copied().collect();
+    }
+
+    /// An entry changes, and no slot does.
+    fn set_entry(&mut self, number: u32, value: u32) {
+        self.update(Update { entry: number, value, slot: OWNER_FREE, owner: OWNER_FREE });
     }
 
     fn update(&mut self, update: Update) {
