@@ -73,6 +73,18 @@ fn upload_gives_every_rate_and_says_what_it_left_out() {
     let rows = table["rows"].as_array().unwrap();
     let straight: Vec<_> = rows.iter().filter(|row| row["path"] == "straight").collect();
     assert_eq!(straight.len(), 8, "two payloads, four formats");
+    let left_out = table["left_out"].as_array().unwrap();
+    let placed: Vec<_> = rows.iter().filter(|row| row["path"] == "placed").collect();
+    assert_eq!(placed.len() + 2 * left_out.len(), 8, "measured, or left out for both payloads");
+    assert_eq!(rows.len(), straight.len() + placed.len());
+    for placed in &placed {
+        let same = |row: &&&Value| {
+            ["payload", "voxels", "layout", "bricks", "brick_bytes"]
+                .iter()
+                .all(|key| row[*key] == placed[*key])
+        };
+        assert_eq!(straight.iter().filter(same).count(), 1, "as many bytes go straight: {placed}");
+    }
     assert_eq!(straight[0]["brick_bytes"], 1000, "apron included");
     for row in rows {
         assert!(row["bricks"].as_u64().unwrap() >= 1, "{row}");
@@ -82,8 +94,9 @@ fn upload_gives_every_rate_and_says_what_it_left_out() {
             }
         }
     }
-    for left in table["left_out"].as_array().unwrap() {
-        assert!(left["path"].is_string() && left["why"].is_string(), "{left}");
+    for left in left_out {
+        assert_eq!(left["path"], "placed", "{left}");
+        assert!(left["why"].as_str().unwrap().contains("cannot store"), "{left}");
     }
 }
 

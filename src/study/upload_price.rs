@@ -1,19 +1,24 @@
 //! What bringing bricks to the device costs, beside copying as many bytes in memory: the host's part
-//! (voxels to texels, in the staging half), the copy into slots, both in flight together; and one copy
-//! of a whole image.
+//! (voxels to texels, in the staging half), the way from there into slots (copied, or copied and placed
+//! by a compute pass), both in flight together; and one copy of a whole image.
 
 use std::sync::Arc;
 
 use serde::Serialize;
 
 use crate::error::{Error, Result};
-use crate::gpu::{Buffer, BufferSpec, Gpu, Image, MemoryHome, Place, Recorder, RoleKind, Staging};
-use crate::render::paging::{CopyPath, write_texels};
+use crate::gpu::{
+    Buffer, BufferSpec, ComputePipeline, Gpu, Image, ImageSpec, MemoryHome, Place, Recorder,
+    RoleKind, ShaderCompiler, Staging, TimePoint,
+};
+use crate::passes::place;
+use crate::render::paging::{CopyPath, Placing, StagedBrick, write_texels};
 use crate::render::{Layout, TexelLayout};
 use crate::residency::AtlasLayout;
 use crate::study::repeated::{Spread, Timer, Took};
 use crate::study::sampler_precision::noise;
-use crate::volume::{BRICK_APRON, Size3, ValueRange, VoxelFormat};
+use crate::twins::place::Placement;
+use crate::volume::{BRICK_APRON, BrickId, Size3, ValueRange, VoxelFormat};
 
 /// How much is measured.
 #[derive(Clone, Debug)]
@@ -62,7 +67,8 @@ pub struct UploadRow {
     pub memcpy: Rate,
     /// Voxels to texels, into mapped staging memory.
     pub host: Rate,
-    /// From the staging half into slots, a batch in one submit, waited for.
+    /// From the staging half into slots, by way of the upload buffer where they are placed; batch by
+    /// batch, waited for.
     pub copy: Rate,
     /// Both, one half filled while the other is copied.
     pub together: Rate,
@@ -94,7 +100,7 @@ pub struct UploadTable {
     pub repeats: u32,
     /// By payload and format.
     pub rows: Vec<UploadRow>,
-    /// Paths that this device or program lacks.
+    /// Paths that this device lacks.
     pub left_out: Vec<LeftOut>,
 }
 
@@ -111,10 +117,12 @@ const FORMATS: [(VoxelFormat, Layout); 4] = [
 /// Exit code 4 when the device runs out of memory or is lost.
 pub fn measure(
     gpu: &Arc<Gpu>,
+    compiler: &ShaderCompiler,
     effort: &Effort,
     progress: &mut dyn FnMut(f64),
 ) -> Result<UploadTable> {
     let timer = Timer::of(gpu);
+    let meter = Meter { gpu, compiler, timer, repeats: effort.repeats };
     let (mut rows, mut left_out) = (Vec::new(), Vec::new());
     let cases = effort.payloads.len() * FORMATS.len();
     for (index, payload) in effort.payloads.iter().enumerate() {
@@ -124,7 +132,7 @@ pub fn measure(
             let bricks = Bricks::new(gpu, effort, *payload, format, layout)?;
             for path in [CopyPath::Straight, CopyPath::Placed] {
                 match unmeasured(gpu, path, &layout) {
-                    None => rows.push(bricks.row(gpu, timer, effort.repeats, path)?),
+                    None => rows.push(bricks.row(&meter, path)?),
                     Some(why) if index == 0 => left_out.push(why),
                     Some(_) => {}
                 }
@@ -144,14 +152,20 @@ pub fn measure(
 
 /// Why a path is not measured, where it is not.
 fn unmeasured(gpu: &Gpu, path: CopyPath, layout: &TexelLayout) -> Option<LeftOut> {
-    let why = match path {
-        CopyPath::Straight => return None,
-        CopyPath::Placed if !gpu.stores(layout.format) => {
-            "this device's shaders cannot store such texels"
-        }
-        CopyPath::Placed => "this bench does not measure it yet",
-    };
-    Some(LeftOut { path: path.name(), texels: layout.format.name(), why: why.to_owned() })
+    let lacking = path == CopyPath::Placed && !gpu.stores(layout.format);
+    lacking.then(|| LeftOut {
+        path: path.name(),
+        texels: layout.format.name(),
+        why: "this device's shaders cannot store such texels".to_owned(),
+    })
+}
+
+/// What measures.
+struct Meter<'m> {
+    gpu: &'m Arc<Gpu>,
+    compiler: &'m ShaderCompiler,
+    timer: Timer,
+    repeats: u32,
 }
 
 /// As many bricks as a turn moves, and where they go.
@@ -209,10 +223,10 @@ impl Bricks {
         })
     }
 
-    fn row(&self, gpu: &Arc<Gpu>, timer: Timer, repeats: u32, path: CopyPath) -> Result<UploadRow> {
+    fn row(&self, meter: &Meter, path: CopyPath) -> Result<UploadRow> {
+        let Meter { gpu, timer, repeats, .. } = *meter;
         let total = self.brick_bytes * u64::from(self.atlas.slot_count());
-        let image = Image::new(gpu, &self.atlas.spec)?;
-        let mut staging = Staging::new(gpu, self.half_bytes)?;
+        let mut way = Way::new(meter, self, path)?;
         let spec = BufferSpec { name: "whole", bytes: total, home: MemoryHome::Upload };
         let whole = Buffer::new(gpu, &spec)?;
         let source = vec![1u8; total as usize];
@@ -225,11 +239,18 @@ impl Bricks {
                 std::hint::black_box(&mut target);
                 Ok(())
             })?;
-            let (host, copy) = self.apart(gpu, timer, &mut staging, &image)?;
-            let (_, together) = timer.time(|| self.together(&mut staging, &image))?;
+            let (host, copy) = self.apart(timer, &mut way)?;
+            let (_, together) = timer.time(|| self.together(&mut way))?;
             let (_, one_region) = timer.time(|| {
                 let mut recorder = Recorder::new(gpu, RoleKind::Transfer, None);
-                recorder.copy_to_image("whole", &whole, 0, &image, [0; 3], self.atlas.spec.size);
+                recorder.copy_to_image(
+                    "whole",
+                    &whole,
+                    0,
+                    way.atlas(),
+                    [0; 3],
+                    self.atlas.spec.size,
+                );
                 gpu.wait(recorder.submit(&[])?.point)
             })?;
             if turn > 0 {
@@ -263,46 +284,116 @@ impl Bricks {
         (0..count).step_by(batch).map(move |first| first..count.min(first + batch as u32))
     }
 
-    fn stage(&self, staging: &mut Staging, slots: std::ops::Range<u32>) -> Result<()> {
+    fn stage(&self, way: &mut Way, slots: std::ops::Range<u32>) -> Result<()> {
         let brick_voxels = self.voxels.len() / self.atlas.slot_count() as usize;
         for slot in slots {
             let voxels = &self.voxels[slot as usize * brick_voxels..][..brick_voxels];
-            let start = self.atlas.slot_origin(slot);
-            let place = Place::Image { image: 0, start, size: self.atlas.slot };
-            staging.stage_with(place, self.brick_bytes, |texels| {
+            let (start, size) = (self.atlas.slot_origin(slot), self.atlas.slot);
+            let place = way.takes(slot, self.brick_bytes, start, size);
+            way.staging.stage_with(place, self.brick_bytes, |texels| {
                 write_texels(voxels, self.format, self.slot, &self.layout, texels);
             })?;
         }
         Ok(())
     }
 
-    /// Batch by batch, each waited for: what the host took, and what the copies did.
-    fn apart(
-        &self,
-        gpu: &Gpu,
-        timer: Timer,
-        staging: &mut Staging,
-        image: &Image,
-    ) -> Result<(Took, Took)> {
+    /// Batch by batch, each waited for: what the host took, and what the way into slots did.
+    fn apart(&self, timer: Timer, way: &mut Way) -> Result<(Took, Took)> {
         let (mut host, mut copy) = (Took::default(), Took::default());
         for slots in self.batches() {
-            host += timer.time(|| self.stage(staging, slots))?.1;
-            let copied = timer.time(|| match staging.flush("copy", &[image], &[], &[])? {
-                Some(submitted) => gpu.wait(submitted.point),
-                None => Ok(()),
-            })?;
-            copy += copied.1;
+            host += timer.time(|| self.stage(way, slots))?.1;
+            copy += timer.time(|| way.send().and_then(|last| way.wait(last)))?.1;
         }
         Ok((host, copy))
     }
 
-    /// One half is filled while the other is copied.
-    fn together(&self, staging: &mut Staging, image: &Image) -> Result<()> {
+    /// One half is filled while the other is on its way.
+    fn together(&self, way: &mut Way) -> Result<()> {
+        let mut last = None;
         for slots in self.batches() {
-            self.stage(staging, slots)?;
-            staging.flush("copy", &[image], &[], &[])?;
+            self.stage(way, slots)?;
+            last = way.send()?;
         }
-        staging.finish().map(|_| ())
+        way.wait(last)
+    }
+}
+
+/// From the staging half into slots, as the paging loop goes it.
+struct Way {
+    gpu: Arc<Gpu>,
+    staging: Staging,
+    /// One atlas.
+    atlases: [Image; 1],
+    placing: Option<Placing>,
+    /// In the half being filled.
+    staged: Vec<StagedBrick>,
+}
+
+impl Way {
+    fn new(meter: &Meter, bricks: &Bricks, path: CopyPath) -> Result<Way> {
+        let gpu = meter.gpu;
+        let buffer = |name, bytes, home| Buffer::new(gpu, &BufferSpec { name, bytes, home });
+        let placing = match path {
+            CopyPath::Straight => None,
+            CopyPath::Placed => {
+                let placements = (bricks.bricks_in_batch() * size_of::<Placement>()) as u64;
+                let shader = meter.compiler.compile(&place::variant(bricks.layout.format))?;
+                Some(Placing {
+                    upload: buffer("upload", bricks.half_bytes, MemoryHome::Device)?,
+                    placements: buffer("placements", placements, MemoryHome::Upload)?,
+                    pipelines: vec![ComputePipeline::new(gpu, shader)?],
+                    free: 0,
+                    written: 0,
+                    placed_at: None,
+                })
+            }
+        };
+        let spec = ImageSpec { stored: placing.is_some(), ..bricks.atlas.spec };
+        Ok(Way {
+            gpu: gpu.clone(),
+            staging: Staging::new(gpu, bricks.half_bytes)?,
+            atlases: [Image::new(gpu, &spec)?],
+            placing,
+            staged: Vec::new(),
+        })
+    }
+
+    fn atlas(&self) -> &Image {
+        &self.atlases[0]
+    }
+
+    /// Where the texels of a brick that is staged next go.
+    fn takes(&mut self, slot: u32, bytes: u64, start: [u32; 3], size: [u32; 3]) -> Place {
+        let Some(placing) = &mut self.placing else {
+            return Place::Image { image: 0, start, size };
+        };
+        let offset = placing.free;
+        placing.free = (offset + bytes).next_multiple_of(16);
+        let first_word = (offset / 4) as u32;
+        let placement = Placement { start, first_word, size, unused_0: 0 };
+        let id = BrickId { volume: 0, channel: 0, level: 0, x: slot, y: 0, z: 0 };
+        self.staged.push(StagedBrick { id, slot, bytes, atlas: 0, placement });
+        Place::Buffer { buffer: 0, offset }
+    }
+
+    /// Submits what is staged; returns when it will be in its slots.
+    fn send(&mut self) -> Result<Option<TimePoint>> {
+        let waits: Vec<_> = self.placing.iter().filter_map(|placing| placing.placed_at).collect();
+        let upload: Vec<_> = self.placing.iter().map(|placing| &placing.upload).collect();
+        let flushed = self.staging.flush("copy", &[&self.atlases[0]], &upload, &waits)?;
+        let Some(copied) = flushed else { return Ok(None) };
+        let staged = std::mem::take(&mut self.staged);
+        match &mut self.placing {
+            None => Ok(Some(copied.point)),
+            Some(placing) => {
+                let placed = placing.place(&self.gpu, &self.atlases, &staged, copied.point)?;
+                Ok(Some(placed.point))
+            }
+        }
+    }
+
+    fn wait(&self, last: Option<TimePoint>) -> Result<()> {
+        last.map_or(Ok(()), |last| self.gpu.wait(last))
     }
 }
 

@@ -4,20 +4,21 @@ use clap::Args;
 
 use crate::cli::output::{print, print_json};
 use crate::cli::progress::Progress;
-use crate::cli::scene_flags::DeviceFlags;
+use crate::cli::scene_flags::{DeviceFlags, shader_compiler};
 use crate::error::Result;
 use crate::study::upload_price::{Effort, UploadTable, measure};
 
 /// How fast bricks come to the device: bytes of texels a second over those of memcpy, measured in the
 /// same turns.
 ///
-/// The host turns voxels into texels in a staging half (host), the transfer role copies them into slots
-/// (copy), and in a frame one half is filled while the other is copied (both). Beside them: as many
-/// bytes as one region, what an image costs that needs no bricks.
+/// The host turns voxels into texels in a staging half (host); the transfer role copies them into slots,
+/// or into an upload buffer from which a compute pass places them (copy); and in a frame one half is
+/// filled while the other is on its way (both). Beside them: as many bytes as one region, what an image
+/// costs that needs no bricks.
 #[derive(Args)]
 #[command(
-    after_help = "Bricks are copied straight from the staging half, or placed by a compute pass where a device's \
-    shaders store texels; what was not measured is listed with the reason.\nTime is processor time where the \
+    after_help = "Straight: copied from the staging half into slots. Placed: copied into the upload buffer and \
+    stored into slots by a compute pass; left out where a device's shaders cannot store such texels.\nTime is processor time where the \
     device is a CPU, else time on the wall; \"wall\" is always the latter, and tells what working side by \
     side is worth."
 )]
@@ -54,7 +55,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         repeats: arguments.repeats,
     };
     let progress = Progress::start("bench upload");
-    let table = measure(&gpu, &effort, &mut |part| progress.set(part))?;
+    let table = measure(&gpu, &shader_compiler(), &effort, &mut |part| progress.set(part))?;
     drop(progress);
     if arguments.json {
         return print_json(&table);

@@ -23,7 +23,9 @@ pub use brick_texels::write_texels;
 pub use settings::{CopyPath, LoadOrder, PagingSettings};
 pub use view_levels::ViewLevels;
 
-pub(super) use paged::{Paged, StagedBrick};
+pub(super) use paged::Paged;
+pub(crate) use paged::StagedBrick;
+pub(crate) use placing::Placing;
 pub(super) use placing::slots_by_atlas;
 pub(super) use plan::PagingPlan;
 pub(super) use rounds::draw;

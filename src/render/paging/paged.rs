@@ -226,7 +226,7 @@ impl Paged {
         self.trace_flush(begin, submitted.point, &staged);
         let mut made = vec![submitted];
         if let Some(placing) = &mut self.placing {
-            made.push(placing.place(gpu, &self.residency, &staged, made[0].point)?);
+            made.push(placing.place(gpu, self.residency.atlases(), &staged, made[0].point)?);
         }
         self.copied_until = made.last().map(|submitted| submitted.point);
         if let Some(records) = records {

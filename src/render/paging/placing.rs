@@ -5,12 +5,11 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::gpu::{
-    Access, Buffer, ComputePipeline, Gpu, HostEvent, Recorder, RoleKind, SlotEvent, Submitted,
-    TimePoint,
+    Access, Buffer, ComputePipeline, Gpu, HostEvent, Image, Recorder, RoleKind, SlotEvent,
+    Submitted, TimePoint,
 };
 use crate::passes::place;
 use crate::render::paging::paged::StagedBrick;
-use crate::residency::Residency;
 use crate::twins;
 use crate::twins::place::Placement;
 
@@ -47,7 +46,7 @@ impl Placing {
     pub fn place(
         &mut self,
         gpu: &Arc<Gpu>,
-        residency: &Residency,
+        atlases: &[Image],
         staged: &[StagedBrick],
         copied: TimePoint,
     ) -> Result<Submitted> {
@@ -87,7 +86,7 @@ impl Placing {
             let resources = place::Resources {
                 upload: &self.upload,
                 placements: &self.placements,
-                atlas: &residency.atlases()[*atlas],
+                atlas: &atlases[*atlas],
             };
             place::record(
                 &mut recorder,
@@ -103,7 +102,7 @@ impl Placing {
         for ((step, (atlas, slots)), first) in steps.zip(firsts) {
             let (name, read) = (self.placements.name(), bytes_of(first, slots.len()));
             step.regions.push((name, read, Access::ShaderRead));
-            step.by_slot.push(residency.atlases()[atlas].spec().name);
+            step.by_slot.push(atlases[atlas].spec().name);
             step.slots = slots.into_iter().map(|slot| (SlotEvent::Placed, slot)).collect();
         }
         self.written += placements.len();
