@@ -554,6 +554,27 @@ fn pass_differs(header: &Header, pass: &str) -> Vec<String> {
     vec![format!("the pass binds {bound:?}, the shader's header says {:?}", header.access)]
 }
 
+/// The source of a pass, or of what passes share.
+fn pass_of(name: &str) -> String {
+    let path = repository().join(format!("src/passes/{name}.rs"));
+    std::fs::read_to_string(path).expect("the shader's pass")
+}
+
+/// A pass with the methods that it calls of what binds for several passes: those that march share the
+/// scene, those that rank the cache.
+fn with_shared(pass: &str) -> String {
+    let mut whole = pass.to_owned();
+    for (owner, file) in [("scene", "march_shape"), ("buffers", "cache_buffers")] {
+        for method in pass_of(file).split(" fn ").skip(1) {
+            let name = method.split(['<', '(']).next().unwrap_or("");
+            if pass.contains(&format!("{owner}.{name}(")) {
+                whole += method;
+            }
+        }
+    }
+    whole
+}
+
 /// A shader's text and those of the common files it includes, each once.
 fn with_includes(name: &str, texts: &mut BTreeMap<String, &'static str>) {
     if texts.insert(name.to_owned(), source(name)).is_some() {
@@ -655,14 +676,7 @@ fn headers_say_what_the_shaders_do() {
         let reflections: Vec<_> = variants.iter().map(|shader| &shader.reflection).collect();
         assert_eq!(header_differs(&header, &reflections), [""; 0], "{name}.comp");
         assert_eq!(header.twin, format!("src/twins/{name}.rs"));
-        let pass = |name: &str| {
-            let path = repository().join(format!("src/passes/{name}.rs"));
-            std::fs::read_to_string(path).expect("the shader's pass")
-        };
-        // Passes that march share what binds the scene.
-        let shared =
-            if pass(name).contains("scene.bind(") { pass("march_shape") } else { String::new() };
-        let pass = pass(name) + &shared;
+        let pass = with_shared(&pass_of(name));
         assert_eq!(pass_differs(&header, &pass), [""; 0], "src/passes/{name}.rs");
 
         let defined = variants.iter().flat_map(|shader| &shader.variant.defines);
@@ -854,6 +868,15 @@ fn a_header_that_lies_is_noticed() {
     for (from, to) in [("read", "write"), ("counters", "counter"), (".update", ".read")] {
         assert_ne!(pass_differs(&good, &pass.replace(from, to)), [""; 0], "{from}");
     }
+    let (good, tally) = (header(source("tally.comp")), pass_of("tally"));
+    assert_eq!(pass_differs(&good, &with_shared(&tally)), [""; 0]);
+    for shared in ["bind_ranking(", "read_weights("] {
+        assert!(tally.contains(shared), "{shared}");
+        let without = with_shared(&tally.replace(shared, "leave_out("));
+        assert_ne!(pass_differs(&good, &without), [""; 0], "{shared}");
+    }
+    let twice = pass_of("grant").replace("bind_ranking(", "read_weights(");
+    assert_ne!(pass_differs(&header(source("grant.comp")), &with_shared(&twice)), [""; 0]);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Buffers of the cache, as the passes that manage it share them, and their variants.
 
-use crate::gpu::{Buffer, ComputePipeline, Variant};
+use crate::gpu::{Buffer, ComputePipeline, Dispatch, Variant};
 
 /// How wishes and slots are ranked: shapes every pass that ranks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -81,6 +81,38 @@ pub struct CacheBuffers {
     pub updates: [Buffer; 2],
     /// `[level]` of the view.
     pub levels: Buffer,
+}
+
+impl CacheBuffers {
+    /// Binds what the variant of a pass that ranks reads to rank by.
+    pub(super) fn bind_ranking<'a, 'r>(
+        &'r self,
+        mut dispatch: Dispatch<'a, 'r>,
+        pipeline: &ComputePipeline,
+    ) -> Dispatch<'a, 'r> {
+        if binds(pipeline, "levels") {
+            dispatch = dispatch.uniform("levels", &self.levels);
+        }
+        if binds(pipeline, "progress") {
+            dispatch = dispatch.read("progress", &self.progress);
+        }
+        match self.slot_needed.as_ref().filter(|_| binds(pipeline, "slot_needed")) {
+            Some(needed) => dispatch.read("slot_needed", needed),
+            None => dispatch,
+        }
+    }
+
+    /// Binds weights of wishes to a pass whose variants only read them; grant forgets some.
+    pub(super) fn read_weights<'a, 'r>(
+        &'r self,
+        dispatch: Dispatch<'a, 'r>,
+        pipeline: &ComputePipeline,
+    ) -> Dispatch<'a, 'r> {
+        match self.wish_weight.as_ref().filter(|_| binds(pipeline, "wish_weight")) {
+            Some(weight) => dispatch.read("wish_weight", weight),
+            None => dispatch,
+        }
+    }
 }
 
 /// Whether the pipeline's variant binds something of this name.

@@ -31,15 +31,7 @@ pub fn record<'r>(
         .update("wished", &buffers.wished)
         .update("touched", &buffers.touched)
         .update("answers", &buffers.answers);
-    if binds(pipeline, "levels") {
-        dispatch = dispatch.uniform("levels", &buffers.levels);
-    }
-    if binds(pipeline, "progress") {
-        dispatch = dispatch.read("progress", &buffers.progress);
-    }
-    if let Some(needed) = buffers.slot_needed.as_ref().filter(|_| binds(pipeline, "slot_needed")) {
-        dispatch = dispatch.read("slot_needed", needed);
-    }
+    dispatch = buffers.bind_ranking(dispatch, pipeline);
     if let Some(weight) = buffers.wish_weight.as_ref().filter(|_| binds(pipeline, "wish_weight")) {
         dispatch = dispatch.update("wish_weight", weight);
     }

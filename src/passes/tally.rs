@@ -26,17 +26,6 @@ pub fn record<'r>(
     if binds(pipeline, "slot_used") {
         dispatch = dispatch.read("slot_used", &buffers.slot_used);
     }
-    if binds(pipeline, "levels") {
-        dispatch = dispatch.uniform("levels", &buffers.levels);
-    }
-    if binds(pipeline, "progress") {
-        dispatch = dispatch.read("progress", &buffers.progress);
-    }
-    if let Some(needed) = buffers.slot_needed.as_ref().filter(|_| binds(pipeline, "slot_needed")) {
-        dispatch = dispatch.read("slot_needed", needed);
-    }
-    if let Some(weight) = buffers.wish_weight.as_ref().filter(|_| binds(pipeline, "wish_weight")) {
-        dispatch = dispatch.read("wish_weight", weight);
-    }
+    let dispatch = buffers.read_weights(buffers.bind_ranking(dispatch, pipeline), pipeline);
     dispatch.push(cache).threads([cache.chunks(), 1, 1]);
 }
