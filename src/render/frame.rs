@@ -42,7 +42,13 @@ pub(super) fn draw(
                     march_rays(renderer, staged, &mut recorder, tile);
                 }
                 if last == dispatches {
-                    resolve_rays(renderer, staged, &mut recorder, tile);
+                    renderer.resolve_rays(
+                        &mut recorder,
+                        &staged.resolve,
+                        &staged.ray_state,
+                        None,
+                        tile,
+                    );
                 }
                 submitted(&recorder.submit(&renderer.uploaded)?)?;
             }
@@ -106,27 +112,32 @@ fn march_rays<'r>(
     march::record(recorder, &staged.march, &resources, &push);
 }
 
-fn resolve_rays<'r>(
-    renderer: &'r Renderer,
-    staged: &'r Staged,
-    recorder: &mut Recorder<'r>,
-    tile: Tile,
-) {
-    let (picture, counters): (&Buffer, &Buffer) =
-        (&renderer.buffers.picture, &renderer.buffers.counters);
-    let push = resolve::Push {
-        background: renderer.background,
-        unused_0: 0,
-        tile_size_pixel: tile.size_pixel,
-    };
-    let resources =
-        resolve::Resources { ray_state: &staged.ray_state, picture, counters, states: None };
-    resolve::record(recorder, &staged.resolve, &resources, &push);
-}
-
 impl Renderer {
     pub(super) fn recorder(&self) -> Recorder<'_> {
         Recorder::new(&self.gpu, RoleKind::Render, self.timestamps.as_ref())
+    }
+
+    /// Records what turns ray states into pixels; `states` where the picture shows what rays met.
+    pub(super) fn resolve_rays<'r>(
+        &'r self,
+        recorder: &mut Recorder<'r>,
+        pipeline: &'r ComputePipeline,
+        ray_state: &'r Buffer,
+        states: Option<(&'r Buffer, &'r Buffer)>,
+        tile: Tile,
+    ) {
+        let push = resolve::Push {
+            background: self.background,
+            unused_0: 0,
+            tile_size_pixel: tile.size_pixel,
+        };
+        let resources = resolve::Resources {
+            ray_state,
+            picture: &self.buffers.picture,
+            counters: &self.buffers.counters,
+            states,
+        };
+        resolve::record(recorder, pipeline, &resources, &push);
     }
 
     fn ray_push(&self, tile: Tile) -> twins::rays::Push {

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::gpu::{Record, SlotEvent, Submitted, TimePoint};
-use crate::passes::{march_bricks, rays, resolve};
+use crate::passes::{march_bricks, rays};
 use crate::render::frame::Tile;
 use crate::render::paging::paged::Paged;
 use crate::render::plan::DISPATCHES_PER_SUBMIT;
@@ -131,20 +131,11 @@ impl Renderer {
 
     /// Submits what turns ray states into pixels.
     pub(super) fn submit_resolve(&self, paged: &Paged, tile: Tile) -> Result<Submitted> {
-        let push = resolve::Push {
-            background: self.background,
-            unused_0: 0,
-            tile_size_pixel: tile.size_pixel,
-        };
-        let states = self.plan.settings.paging.show_states;
-        let resources = resolve::Resources {
-            ray_state: &paged.rays.ray_state,
-            picture: &self.buffers.picture,
-            counters: &self.buffers.counters,
-            states: states.then_some((&paged.rays.ray_block, &paged.rays.ray_place)),
-        };
+        let rays = &paged.rays;
+        let shows = self.plan.settings.paging.show_states;
+        let states = shows.then_some((&rays.ray_block, &rays.ray_place));
         let mut recorder = self.recorder();
-        resolve::record(&mut recorder, &paged.resolve, &resources, &push);
+        self.resolve_rays(&mut recorder, &paged.resolve, &rays.ray_state, states, tile);
         recorder.submit(&[])
     }
 }
