@@ -116,7 +116,10 @@ impl Rounds<'_> {
             }
             self.ask(&report)?;
             if plan.settings.paging.lockstep {
-                self.wait_for_all()?;
+                // Everything that slots are kept for comes, and is copied.
+                let _span = self.renderer.span("load");
+                self.wait_while(|paged| paged.host.bound_count() > paged.staged_count())?;
+                self.flush()?;
             } else if report.progress.moved == 0 {
                 // Nothing to march until something comes.
                 let _span = self.renderer.span("load");
@@ -241,7 +244,8 @@ impl Rounds<'_> {
         }
         self.paged.loading.survey(&blocks);
         if self.renderer.plan.settings.paging.lockstep {
-            self.wait_for_surveys()?;
+            let _span = self.renderer.span("survey");
+            self.wait_while(|paged| paged.host.surveys_pending() > 0)?;
         }
         self.bind_and_wish();
         Ok(())
@@ -257,29 +261,15 @@ impl Rounds<'_> {
         loading.wish(&host.wishes(ahead));
     }
 
-    fn wait_for_surveys(&mut self) -> Result<()> {
-        let _span = self.renderer.span("survey");
+    /// Lockstep: takes what comes while something is `missing` and on its way, and patience lasts.
+    fn wait_while(&mut self, missing: impl Fn(&Paged) -> bool) -> Result<()> {
         self.asked = Instant::now();
-        while self.paged.host.surveys_pending() > 0 && self.paged.loading.outstanding() > 0 {
+        while missing(self.paged) && self.paged.loading.outstanding() > 0 {
             if !self.deliver(Duration::from_millis(50))? && self.gave_up() {
                 break;
             }
         }
         Ok(())
-    }
-
-    /// Lockstep: everything that slots are kept for comes, and is copied.
-    fn wait_for_all(&mut self) -> Result<()> {
-        let _span = self.renderer.span("load");
-        self.asked = Instant::now();
-        while self.paged.host.bound_count() > self.paged.staged_count()
-            && self.paged.loading.outstanding() > 0
-        {
-            if !self.deliver(Duration::from_millis(50))? && self.gave_up() {
-                break;
-            }
-        }
-        self.flush()
     }
 
     /// Free-running: whatever has come, waiting `timeout` for the first of it.
