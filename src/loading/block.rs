@@ -37,6 +37,19 @@ impl Block {
         BrickId { volume, channel, level, x, y, z }
     }
 
+    /// The place of a brick among [`Block::bricks`] of its block; nothing outside of `grid`.
+    pub fn index(id: BrickId, grid: BrickGrid) -> Option<usize> {
+        let bricks = grid.bricks().to_array();
+        let at = [id.x, id.y, id.z];
+        if (0..3).any(|axis| at[axis] >= bricks[axis]) {
+            return None;
+        }
+        let within = at.map(|place| place % BLOCK_EDGE);
+        // At the far edges blocks are smaller.
+        let edge = |axis: usize| BLOCK_EDGE.min(bricks[axis] - (at[axis] - within[axis]));
+        Some(((within[2] * edge(1) + within[1]) * edge(0) + within[0]) as usize)
+    }
+
     /// Its bricks within `grid`, x fastest, then y, then z.
     pub fn bricks(self, grid: BrickGrid) -> impl Iterator<Item = BrickId> {
         let first = self.first();
@@ -66,11 +79,18 @@ mod tests {
             let own: Vec<BrickId> = block.bricks(grid).collect();
             assert!(own.iter().all(|&id| Block::of(id) == block) && own[0] == block.first());
             assert!(own.is_sorted_by_key(|id| (id.z, id.y, id.x)), "{own:?}");
+            for (index, id) in own.iter().enumerate() {
+                assert_eq!(Block::index(*id, grid), Some(index), "{id:?}");
+            }
             bricks.extend(own);
         }
         bricks.sort_unstable();
         bricks.dedup();
         assert_eq!(bricks.len(), 9 * 17);
+        for outside in [[9, 0, 0], [0, 17, 0], [0, 0, 1], [u32::MAX; 3]] {
+            let [x, y, z] = outside;
+            assert_eq!(Block::index(BrickId { x, y, z, ..ID }, grid), None);
+        }
     }
 
     #[test]
@@ -79,6 +99,8 @@ mod tests {
         for far in [1, u32::MAX / BLOCK_EDGE, u32::MAX] {
             assert_eq!(Block { z: far, ..Block::of(ID) }.bricks(grid).count(), 0);
         }
-        assert_eq!(Block::of(ID).bricks(grid).count(), 512);
+        let whole: Vec<_> = Block::of(ID).bricks(grid).collect();
+        assert_eq!(whole.len(), 512);
+        assert!(whole.iter().enumerate().all(|(at, id)| Block::index(*id, grid) == Some(at)));
     }
 }

@@ -274,11 +274,8 @@ impl HostCache {
         if self.failed.contains_key(&id) {
             return Some(false);
         }
-        let block = Block::of(id);
-        let known = self.surveyed.get(&block).filter(|known| !known.is_empty())?;
-        let grid = grid_of_level(id.level)?;
-        let at = block.bricks(grid).position(|brick| brick == id)?;
-        known.get(at).copied()
+        let known = self.surveyed.get(&Block::of(id)).filter(|known| !known.is_empty())?;
+        known.get(Block::index(id, grid_of_level(id.level)?)?).copied()
     }
 
     /// Came though no slot was kept for it: it waits in the RAM cache.
