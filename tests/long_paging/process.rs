@@ -2,10 +2,15 @@
 
 use std::time::Duration;
 
+use malloc_info::info::{SystemType, TotalType};
+
 /// Of a moment in which nothing but the device should be alive.
 #[derive(Clone, Copy, Debug)]
 pub struct Facts {
     pub resident_mb: f64,
+    /// What the process's allocator has given out: to us, to the driver and to its layers. Unlike resident
+    /// memory it counts no gaps between what was given back.
+    pub in_use_mb: f64,
     pub files: usize,
     pub threads: usize,
 }
@@ -17,10 +22,25 @@ impl Facts {
         let kib = line.and_then(|line| line.trim().trim_end_matches(" kB").parse::<f64>().ok());
         Facts {
             resident_mb: kib.unwrap_or(0.0) * 1024e-6,
+            in_use_mb: in_use_bytes() as f64 * 1e-6,
             files: std::fs::read_dir("/proc/self/fd").map_or(0, Iterator::count),
             threads: std::fs::read_dir("/proc/self/task").map_or(0, Iterator::count),
         }
     }
+}
+
+fn in_use_bytes() -> usize {
+    let said = malloc_info::malloc_info().expect("the C library's allocator tells");
+    let system: usize = said
+        .system
+        .iter()
+        .filter(|one| one.r#type == SystemType::Current)
+        .map(|one| one.size)
+        .sum();
+    let total = |kind| said.total.iter().filter(|one| one.r#type == kind).map(|one| one.size).sum();
+    let [fast, rest, mapped]: [usize; 3] =
+        [TotalType::Fast, TotalType::Rest, TotalType::Mmap].map(total);
+    (system + mapped).saturating_sub(fast + rest)
 }
 
 /// Threads whose name begins so.
