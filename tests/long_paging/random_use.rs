@@ -18,7 +18,7 @@ use crate::alone;
 use crate::chance::Chance;
 use crate::common::device;
 use crate::common::drawing::Device;
-use crate::process::{Facts, slope, soon, threads_named};
+use crate::process::{Facts, open_files, slope, soon, threads_named};
 use crate::scenes::World;
 use crate::uses::{Counts, Use, first_pictures};
 
@@ -148,7 +148,8 @@ fn run(seconds: u64, drawings: u64, watched: bool) {
             std::mem::replace(&mut device.compiler, cached)
         });
         let before = first.get_or_insert(facts);
-        assert!(facts.files <= before.files, "seed {seed}: {facts:?} after {before:?}");
+        let few = soon(|| Facts::now().files <= before.files);
+        assert!(few, "seed {seed}: {:#?} are open, {before:?} before", open_files());
         assert!(facts.threads <= before.threads, "seed {seed}: {facts:?} after {before:?}");
         println!("    after it: {facts:?}");
         points.push((begun.elapsed().as_secs_f64(), facts, counts.drawings));
