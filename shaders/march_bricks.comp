@@ -80,10 +80,11 @@ void main() {
         return;
     }
     bool waits = place != PLACE_RUNNING;
-    for (bool look = waits; look; look = false) {
+    if (waits) {
         waits = mark_place(place);
     }
     RayBlock partial = block_of_ray[ray];
+    // A loop of one turn: with an `if` around march_bricks lavapipe (Mesa 22.3.6) draws a wrong picture.
     for (bool go = !waits; go; go = false) {
         RayGeometry geometry = geometry_of_ray[ray];
         RayState state = state_of_ray[ray];
@@ -98,7 +99,7 @@ void main() {
             ended = state.next_sample >= geometry.sample_count;
 #ifdef SEVERAL_LEVELS
             more = ended && partial.level + 1u < LEVELS;
-            for (bool next = more; next; next = false) {
+            if (more) {
                 partial.level += 1u;
                 LevelView in_level = level_views[partial.level];
                 geometry = set_up_ray_within(
@@ -116,7 +117,7 @@ void main() {
         block_of_ray[ray] = partial;
         atomicAdd(round_progress.moved, 1u);
         waits = place < PLACE_RUNNING;
-        for (bool look = waits; look; look = false) {
+        if (waits) {
             mark_place(place);
         }
     }
@@ -127,7 +128,7 @@ void main() {
 #else
     bool counted = waits;
 #endif
-    for (bool tell = push.last != 0u && (counted || !all_ended); tell; tell = false) {
+    if (push.last != 0u && (counted || !all_ended)) {
 #ifndef SUBSTITUTE
         uint rank = place < PLACE_RUNNING ? rank_of_place(place) : 0u;
         atomicMin(round_progress.front, rank);

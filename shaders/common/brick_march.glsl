@@ -255,59 +255,80 @@ void march_bricks(
     uint sample_index = partial.sample_index;
     Block block = Block(partial.color, partial.depth, partial.transmitted);
 
-    while (blocks_left > 0u && state.next_sample < geometry.sample_count && !missing) {
+    if (blocks_left == 0u || state.next_sample >= geometry.sample_count) {
+        return;
+    }
+    // Loops test at their end: lavapipe runs a loop that tests at its start one turn more, for no ray.
+    do {
         Fixed3 anchor = fixed_advance(start, delta, state.next_sample);
         vec3 anchor_fraction = fixed_fraction(anchor.fraction);
         uint samples = min(BLOCK_SAMPLES, geometry.sample_count - state.next_sample);
         // First the bricks that the block goes through, then its samples: where the CPU runs shaders,
         // a whole group pays for what one of its rays does in the loop over samples.
-        uvec4 run_end = uvec4(0xffffffffu);
-        uvec4 skip_to = uvec4(0u);
+        uvec3 run_end = uvec3(0xffffffffu);
         uint known = sample_index;
-        for (uint run = 0u; run < RUNS && known < samples && !missing; ++run) {
-            vec3 position = anchor_fraction + float(known) * step_voxel;
-            ivec3 voxel = anchor.cell + ivec3(floor(position + 0.5));
-            ivec3 brick = ivec3(
-                min(uvec3(max(voxel, ivec3(0))) / PAYLOAD, places.bricks - 1u));
-            uint brick_place = place_of_brick(places, brick);
+        uint shown_to = 0u;  // end of the last run that shows something
+        uint run = 0u;
+        // A run of nothing may have reached beyond the ray's last sample.
+        if (known < samples) {
+            do {
+                vec3 position = anchor_fraction + float(known) * step_voxel;
+                ivec3 voxel = anchor.cell + ivec3(floor(position + 0.5));
+                ivec3 brick = ivec3(
+                    min(uvec3(max(voxel, ivec3(0))) / PAYLOAD, places.bricks - 1u));
+                uint brick_place = place_of_brick(places, brick);
 #ifdef SUBSTITUTE
-            float transmitted = attenuate(state.optical_depth).transmitted * block.transmitted;
-            uint weight = 1u + uint(transmitted * 255.0);
+                float transmitted = attenuate(state.optical_depth).transmitted * block.transmitted;
+                uint weight = 1u + uint(transmitted * 255.0);
 #else
-            uint weight = 0u;
+                uint weight = 0u;
 #endif
-            bool nothing_here = true;
-            LOOK_UP_CHANNELS
+                bool nothing_here = true;
+                LOOK_UP_CHANNELS
 #ifdef SUBSTITUTE
-            partial.met |= missing ? MET_PENDING : 0u;
-            missing = false;
+                partial.met |= missing ? MET_PENDING : 0u;
+                missing = false;
 #else
-            place = missing ? brick_place : place;
+                place = missing ? brick_place : place;
 #endif
-            uint end = known
-                + samples_until_border(position, step_voxel, brick * ivec3(PAYLOAD), anchor.cell);
-            known = missing ? known : end;
-            run_end[run] = known;
-            skip_to[run] = nothing_here ? known : 0u;
-        }
-        uint end = min(known, samples);
-        while (sample_index < end) {
-            bvec3 past = greaterThanEqual(uvec3(sample_index), run_end.xyz);
-            vec3 position = anchor_fraction + float(sample_index) * step_voxel;
-            vec3 cell = floor(position);
-            vec3 within_cell = position - cell;
-            Medium medium = Medium(vec3(0.0), 0.0);
-            SAMPLE_CHANNELS
-            composite(block, medium, geometry.step_world);
+                uint end = known
+                    + samples_until_border(position, step_voxel, brick * ivec3(PAYLOAD), anchor.cell);
+                end = missing ? known : end;
 #ifdef SKIPPING
-            uint skip = past.z ? skip_to.w : past.y ? skip_to.z : past.x ? skip_to.y : skip_to.x;
-            state.samples_taken += skip > sample_index ? 0u : 1u;
-            sample_index = max(sample_index + 1u, skip);
-#else
-            state.samples_taken += 1u;
-            sample_index += 1u;
+                bool shows = !nothing_here && !missing;
+                state.samples_taken += shows ? min(end, samples) - known : 0u;
+                shown_to = shows ? end : shown_to;
+                sample_index = shown_to == 0u ? end : sample_index;
 #endif
+                known = end;
+                run_end.x = run == 0u ? end : run_end.x;
+                run_end.y = run == 1u ? end : run_end.y;
+                run_end.z = run == 2u ? end : run_end.z;
+                ++run;
+            } while (run < RUNS && known < samples && !missing);
         }
+#ifdef SKIPPING
+        // Runs of nothing before and after what shows are left out; one between changes no bit.
+        uint end = min(shown_to, samples);
+#else
+        uint end = min(known, samples);
+        state.samples_taken += end - sample_index;
+#endif
+        if (sample_index < end) {
+            do {
+                bvec3 past = greaterThanEqual(uvec3(sample_index), run_end);
+                vec3 position = anchor_fraction + float(sample_index) * step_voxel;
+                vec3 cell = floor(position);
+                vec3 within_cell = position - cell;
+                Medium medium = Medium(vec3(0.0), 0.0);
+                SAMPLE_CHANNELS
+                composite(block, medium, geometry.step_world);
+                ++sample_index;
+            } while (sample_index < end);
+        }
+#ifdef SKIPPING
+        sample_index = shown_to < known ? known : sample_index;
+#endif
         if (sample_index >= samples) {
             --blocks_left;
             join_block(state, block);
@@ -324,7 +345,7 @@ void march_bricks(
             }
 #endif
         }
-    }
+    } while (blocks_left > 0u && state.next_sample < geometry.sample_count && !missing);
     partial.color = block.color;
     partial.depth = block.depth;
     partial.transmitted = block.transmitted;

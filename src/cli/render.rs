@@ -183,6 +183,13 @@ fn report(name: &str, files: &[PathBuf], statistics: &Statistics) {
             statistics.bricks_failed,
             loading.reads,
         ));
+        if statistics.constants_overflow > 0 {
+            print(format_args!(
+                "{}: {} bricks of one value travel: the table of values is full\n",
+                " ".repeat(name.len()),
+                statistics.constants_overflow,
+            ));
+        }
     }
 }
 

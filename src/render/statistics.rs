@@ -91,6 +91,8 @@ pub struct Statistics {
     pub bricks_hidden: u64,
     /// Bricks, of those looked at, of one value.
     pub bricks_constant: u64,
+    /// Bricks of one value that travel, since the table of values is full.
+    pub constants_overflow: u64,
     /// What loaders did; absent where nothing is paged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub loading: Option<LoadingStatistics>,

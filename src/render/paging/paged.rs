@@ -268,6 +268,7 @@ impl Paged {
         statistics.bricks_absent = counts.absent;
         statistics.bricks_hidden = counts.hidden;
         statistics.bricks_constant = counts.constant;
+        statistics.constants_overflow = counts.constants_overflow;
         statistics.loading = Some(self.loading.statistics());
         self.trace_end();
         Ok(())
