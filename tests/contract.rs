@@ -228,7 +228,13 @@ const SCALAR: ChannelShape = ChannelShape::Scalar { segments: 2 };
 const RGBA: ChannelShape = ChannelShape::Rgba { segments: 3 };
 
 fn shape(channels: &[ChannelShape], filter: FilterShape) -> Shape {
-    Shape { channels: channels.to_vec(), filter, early_stop: false, nan_voxels: false }
+    Shape {
+        channels: channels.to_vec(),
+        filter,
+        early_stop: false,
+        nan_voxels: false,
+        preintegrated: false,
+    }
 }
 
 /// Shapes of marching that matter: every macro, alone and together.

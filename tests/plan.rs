@@ -145,6 +145,7 @@ fn the_plainest_scene_binds_nothing_it_does_not_read() {
             channels: vec![ashfall::passes::march_shape::ChannelShape::Constant],
             filter: ashfall::passes::march_shape::FilterShape::Fetch,
             early_stop: false,
+            preintegrated: false,
             nan_voxels: false,
         },
         1,

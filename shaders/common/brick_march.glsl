@@ -17,13 +17,17 @@
 //          SUBSTITUTE: a ray takes a coarser level for a missing brick and does not wait;
 //          WEIGHTS: rays say how much a wish is worth, and not what they need beside it;
 //          UNMARKED: slots that a ray uses are not marked, for a bench; exact refinement alone;
-//          SHOW_STATES: what a ray met is remembered; EARLY_STOP; as common/ranks.glsl and
-//          common/classify.glsl
+//          SHOW_STATES: what a ray met is remembered; EARLY_STOP; PREINTEGRATED and SPAN_CHANNELS as
+//          common/ray_march.glsl; as common/ranks.glsl and common/classify.glsl
 // source   DESIGN section 5. A sample's brick, value and weight depend on its number alone: a ray that
 //          waits and goes on gets the same bits, and so does one that skips what is hidden
 #include "common/fixed_point.glsl"
 #include "common/filter.glsl"
 #include "common/classify.glsl"
+#ifdef PREINTEGRATED
+#define ABSENT_POINTS
+#include "common/preintegrate.glsl"
+#endif
 #include "common/ranks.glsl"
 
 layout(std430) readonly buffer page_table { uint entries[]; };
@@ -201,6 +205,26 @@ Found look_up(
     ivec3 corner = OF_RUN(origin, NAME) + ivec3(cell);
 #endif
 
+#ifdef PREINTEGRATED
+#define SAMPLE_SCALAR(NAME, ATLAS, SEGMENTS) \
+    { \
+        CELL_AND_WITHIN(NAME) \
+        uint has = OF_RUN(has, NAME); \
+        float texel = filtered_scalar(atlases[ATLAS], corner, within); \
+        texel = has == HAS_SLOT ? texel : OF_RUN(texel.a, NAME); \
+        NAME##_ahead = point_of(vec3(1.0), texel, NAME##_window_scale, NAME##_window_offset); \
+        NAME##_ahead.a = has == HAS_NOTHING ? NO_POINT : NAME##_ahead.a; \
+    }
+#define SAMPLE_RGBA(NAME, ATLAS, SEGMENTS) \
+    { \
+        CELL_AND_WITHIN(NAME) \
+        uint has = OF_RUN(has, NAME); \
+        vec4 texel = filtered(atlases[ATLAS], corner, within); \
+        texel = has == HAS_SLOT ? texel : OF_RUN(texel, NAME); \
+        NAME##_ahead = point_of(texel.rgb, texel.a, NAME##_window_scale, NAME##_window_offset); \
+        NAME##_ahead.a = has == HAS_NOTHING ? NO_POINT : NAME##_ahead.a; \
+    }
+#else
 #define SAMPLE_SCALAR(NAME, ATLAS, SEGMENTS) \
     { \
         CELL_AND_WITHIN(NAME) \
@@ -227,6 +251,15 @@ Found look_up(
         classified.a = has == HAS_NOTHING ? 0.0 : classified.a; \
         mix_in(medium, texel.rgb * classified.rgb, classified.a); \
     }
+
+#endif
+
+// Points fetched for so many samples of one brick.
+#ifdef PREINTEGRATED
+#define POINTS_OF(samples) (2u * (samples) + 1u)
+#else
+#define POINTS_OF(samples) (samples)
+#endif
 
 // How many samples, this one included, lie in the brick whose first voxel is `first`. Rounding may add
 // or take away one at the border: half a voxel on both sides of it can be had from either brick.
@@ -255,11 +288,9 @@ void march_bricks(
     uint sample_index = partial.sample_index;
     Block block = Block(partial.color, partial.depth, partial.transmitted);
 
-    if (blocks_left == 0u || state.next_sample >= geometry.sample_count) {
-        return;
-    }
-    // Loops test at their end: lavapipe runs a loop that tests at its start one turn more, for no ray.
-    do {
+    // Loops test at their start. Tested at their end they would save a turn that lavapipe runs for no ray,
+    // but it then draws wrong: what a ray's last turn gave is computed again while its neighbours go on.
+    while (blocks_left > 0u && state.next_sample < geometry.sample_count && !missing) {
         Fixed3 anchor = fixed_advance(start, delta, state.next_sample);
         vec3 anchor_fraction = fixed_fraction(anchor.fraction);
         uint samples = min(BLOCK_SAMPLES, geometry.sample_count - state.next_sample);
@@ -270,62 +301,95 @@ void march_bricks(
         uint shown_to = 0u;  // end of the last run that shows something
         uint run = 0u;
         // A run of nothing may have reached beyond the ray's last sample.
-        if (known < samples) {
-            do {
-                vec3 position = anchor_fraction + float(known) * step_voxel;
-                ivec3 voxel = anchor.cell + ivec3(floor(position + 0.5));
-                ivec3 brick = ivec3(
-                    min(uvec3(max(voxel, ivec3(0))) / PAYLOAD, places.bricks - 1u));
-                uint brick_place = place_of_brick(places, brick);
+        while (run < RUNS && known < samples && !missing) {
+            vec3 position = anchor_fraction + float(known) * step_voxel;
+            ivec3 voxel = anchor.cell + ivec3(floor(position + 0.5));
+            ivec3 brick = ivec3(
+                min(uvec3(max(voxel, ivec3(0))) / PAYLOAD, places.bricks - 1u));
+            uint brick_place = place_of_brick(places, brick);
 #ifdef SUBSTITUTE
-                float transmitted = attenuate(state.optical_depth).transmitted * block.transmitted;
-                uint weight = 1u + uint(transmitted * 255.0);
+            float transmitted = attenuate(state.optical_depth).transmitted * block.transmitted;
+            uint weight = 1u + uint(transmitted * 255.0);
 #else
-                uint weight = 0u;
+            uint weight = 0u;
 #endif
-                bool nothing_here = true;
-                LOOK_UP_CHANNELS
+            bool nothing_here = true;
+            LOOK_UP_CHANNELS
 #ifdef SUBSTITUTE
-                partial.met |= missing ? MET_PENDING : 0u;
-                missing = false;
+            partial.met |= missing ? MET_PENDING : 0u;
+            missing = false;
 #else
-                place = missing ? brick_place : place;
+            place = missing ? brick_place : place;
 #endif
-                uint end = known
-                    + samples_until_border(position, step_voxel, brick * ivec3(PAYLOAD), anchor.cell);
-                end = missing ? known : end;
+            uint end = known
+                + samples_until_border(position, step_voxel, brick * ivec3(PAYLOAD), anchor.cell);
+            end = missing ? known : end;
 #ifdef SKIPPING
-                bool shows = !nothing_here && !missing;
-                state.samples_taken += shows ? min(end, samples) - known : 0u;
-                shown_to = shows ? end : shown_to;
-                sample_index = shown_to == 0u ? end : sample_index;
+            bool shows = !nothing_here && !missing;
+#else
+            bool shows = !missing;
 #endif
-                known = end;
-                run_end.x = run == 0u ? end : run_end.x;
-                run_end.y = run == 1u ? end : run_end.y;
-                run_end.z = run == 2u ? end : run_end.z;
-                ++run;
-            } while (run < RUNS && known < samples && !missing);
+            state.samples_taken += shows ? POINTS_OF(min(end, samples) - known) : 0u;
+#ifdef SKIPPING
+            shown_to = shows ? end : shown_to;
+            sample_index = shown_to == 0u ? end : sample_index;
+#endif
+            known = end;
+            run_end.x = run == 0u ? end : run_end.x;
+            run_end.y = run == 1u ? end : run_end.y;
+            run_end.z = run == 2u ? end : run_end.z;
+            ++run;
         }
 #ifdef SKIPPING
         // Runs of nothing before and after what shows are left out; one between changes no bit.
         uint end = min(shown_to, samples);
 #else
         uint end = min(known, samples);
-        state.samples_taken += end - sample_index;
 #endif
-        if (sample_index < end) {
-            do {
-                bvec3 past = greaterThanEqual(uvec3(sample_index), run_end);
-                vec3 position = anchor_fraction + float(sample_index) * step_voxel;
-                vec3 cell = floor(position);
-                vec3 within_cell = position - cell;
-                Medium medium = Medium(vec3(0.0), 0.0);
-                SAMPLE_CHANNELS
-                composite(block, medium, geometry.step_world);
-                ++sample_index;
-            } while (sample_index < end);
+#ifdef PREINTEGRATED
+        uint phase = 0u;  // point of the sample: its start, middle, end
+        bool rests = false;
+        float length_world = 0.0;
+#endif
+        while (sample_index < end) {
+            bvec3 past = greaterThanEqual(uvec3(sample_index), run_end);
+#ifdef PREINTEGRATED
+            vec3 position = anchor_fraction
+                + (0.5 * float(2u * sample_index + phase) - 0.5) * step_voxel;
+#else
+            vec3 position = anchor_fraction + float(sample_index) * step_voxel;
+#endif
+            vec3 cell = floor(position);
+            vec3 within_cell = position - cell;
+#ifdef PREINTEGRATED
+            SAMPLE_CHANNELS
+            bool pair_middle = phase == 1u;
+            bool pair_ends = phase == 2u;
+            length_world = pair_ends || rests ? 0.5 * geometry.step_world : 0.0;
+            rests = pair_ends;
+            SPAN_SUM
+            SPAN_CHANNELS
+            SPAN_SUM_END
+            sample_index += pair_ends ? 1u : 0u;
+            // The end of a sample is the start of the next, where they are in one brick.
+            bvec3 next_past = greaterThanEqual(uvec3(sample_index), run_end);
+            phase = pair_ends ? (next_past == past ? 1u : 0u) : phase + 1u;
+#else
+            Medium medium = Medium(vec3(0.0), 0.0);
+            SAMPLE_CHANNELS
+            composite(block, medium, geometry.step_world);
+            ++sample_index;
+#endif
         }
+#ifdef PREINTEGRATED
+        {
+            bool pair_middle = false;
+            bool pair_ends = false;
+            SPAN_SUM
+            SPAN_CHANNELS
+            SPAN_SUM_END
+        }
+#endif
 #ifdef SKIPPING
         sample_index = shown_to < known ? known : sample_index;
 #endif
@@ -345,7 +409,7 @@ void march_bricks(
             }
 #endif
         }
-    } while (blocks_left > 0u && state.next_sample < geometry.sample_count && !missing);
+    }
     partial.color = block.color;
     partial.depth = block.depth;
     partial.transmitted = block.transmitted;

@@ -8,19 +8,40 @@
 //          SEGMENTS_TOTAL: of all channels, or TRANSFER_SEARCH and SEARCH_STEPS where they are too
 //          many to select from;
 //          IMAGES: how many channels have an image;
-//          FILTER_SAMPLER, FILTER_FETCH or FILTER_QUADS; EARLY_STOP; NAN_VOXELS; SEVERAL_CHANNELS
+//          FILTER_SAMPLER, FILTER_FETCH or FILTER_QUADS; EARLY_STOP; NAN_VOXELS; SEVERAL_CHANNELS;
+//          PREINTEGRATED: a sample is two spans, between its place and half a step before and after it;
+//          SPAN_CHANNELS: one SPAN_ call per channel
 // source   emission and absorption, midpoint rule; weights 1 - exp(-sigma h) as in
-//          residency-octree-2023 section 6; blocks keep sums short and positions exact
+//          residency-octree-2023 section 6; blocks keep sums short and positions exact;
+//          PREINTEGRATED as common/preintegrate.glsl
 #include "common/fixed_point.glsl"
 #ifdef IMAGES
 #include "common/filter.glsl"
 #endif
 #include "common/classify.glsl"
+#ifdef PREINTEGRATED
+#ifdef NAN_VOXELS
+#define ABSENT_POINTS
+#endif
+#include "common/preintegrate.glsl"
+#endif
 
 #ifdef IMAGES
 uniform sampler3D channels[IMAGES];
 #endif
 
+#ifdef PREINTEGRATED
+#define SAMPLE_SCALAR(NAME, IMAGE, SEGMENTS) \
+    { \
+        float texel = filtered_scalar(channels[IMAGE], corner, within); \
+        NAME##_ahead = point_of(vec3(1.0), texel, NAME##_window_scale, NAME##_window_offset); \
+    }
+#define SAMPLE_RGBA(NAME, IMAGE, SEGMENTS) \
+    { \
+        vec4 texel = filtered(channels[IMAGE], corner, within); \
+        NAME##_ahead = point_of(texel.rgb, texel.a, NAME##_window_scale, NAME##_window_offset); \
+    }
+#else
 #define SAMPLE_SCALAR(NAME, IMAGE, SEGMENTS) \
     { \
         float texel = filtered_scalar(channels[IMAGE], corner, within); \
@@ -39,6 +60,7 @@ uniform sampler3D channels[IMAGES];
         CLASSIFY(NAME, windowed, SEGMENTS, classified) \
         mix_in(medium, texel.rgb * classified.rgb, classified.a); \
     }
+#endif
 
 // Takes up to blocks_max blocks of samples; ends early, where the variant may, once less than
 // early_stop is transmitted.
@@ -53,17 +75,45 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
         vec3 anchor_fraction = fixed_fraction(anchor.fraction);
         uint samples = min(BLOCK_SAMPLES, geometry.sample_count - state.next_sample);
         Block block = Block(vec3(0.0), 0.0, 1.0);
-        for (uint index = 0u; index < samples; ++index) {
+#ifdef PREINTEGRATED
+        uint points = 2u * samples + 1u;
+        float length_world = 0.0;
+        for (uint index = 0u; index < points; ++index) {
+            vec3 position = anchor_fraction + (0.5 * float(index) - 0.5) * step_voxel;
+#else
+        uint points = samples;
+        for (uint index = 0u; index < points; ++index) {
             vec3 position = anchor_fraction + float(index) * step_voxel;
+#endif
             vec3 cell = floor(position);
             vec3 within = position - cell;
             ivec3 corner = anchor.cell + ivec3(cell) + 1;
+#ifdef PREINTEGRATED
+            SAMPLE_CHANNELS
+            bool pair_middle = (index & 1u) != 0u;
+            bool pair_ends = index != 0u && !pair_middle;
+            // Before the third point there is no span.
+            length_world = index < 2u ? 0.0 : 0.5 * geometry.step_world;
+            SPAN_SUM
+            SPAN_CHANNELS
+            SPAN_SUM_END
+#else
             Medium medium = Medium(vec3(0.0), 0.0);
             SAMPLE_CHANNELS
             composite(block, medium, geometry.step_world);
+#endif
         }
+#ifdef PREINTEGRATED
+        {
+            bool pair_middle = false;
+            bool pair_ends = false;
+            SPAN_SUM
+            SPAN_CHANNELS
+            SPAN_SUM_END
+        }
+#endif
         join_block(state, block);
-        state.samples_taken += samples;
+        state.samples_taken += points;
         state.next_sample += samples;
 #ifdef EARLY_STOP
         if (attenuate(state.optical_depth).transmitted < early_stop) {

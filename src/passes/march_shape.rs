@@ -1,6 +1,7 @@
 //! What shapes the shaders that march rays: only what the scene has gets into them.
 
 use crate::gpu::{Buffer, ComputePipeline, Dispatch, Image, Sampler, Variant};
+use crate::twins::limits::BLOCK_SAMPLES;
 
 /// What one channel needs of the shader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -57,6 +58,8 @@ pub struct Shape {
     pub early_stop: bool,
     /// Whether some voxel is NaN.
     pub nan_voxels: bool,
+    /// Whether a sample is integrated as two spans, [`crate::twins::preintegrate`]; else at its place.
+    pub preintegrated: bool,
 }
 
 impl Shape {
@@ -71,6 +74,16 @@ impl Shape {
         let segments = || self.channels.iter().map(|channel| channel.segments());
         segments().any(|count| count > SELECTED_SEGMENTS_MAX)
             || segments().sum::<u32>() > UNIFORM_SEGMENTS_MAX
+    }
+
+    /// Turns of all loops of the shader over one block of samples, at most.
+    pub fn turns_of_block(&self) -> u32 {
+        let most = self.channels.iter().map(|channel| channel.segments());
+        let searched: u32 = if self.searches() { most.sum() } else { 0 };
+        match self.preintegrated {
+            true => 1 + (3 * BLOCK_SAMPLES + 2) * (1 + searched),
+            false => 1 + BLOCK_SAMPLES,
+        }
     }
 
     /// A variant of `shader`, which includes `common/ray_march.glsl`, in this shape.
@@ -88,6 +101,7 @@ impl Shape {
     /// image each channel samples.
     pub(super) fn define(&self, mut variant: Variant, declare: &str, images: &[usize]) -> Variant {
         let (mut load, mut sample) = (declare.to_owned(), String::new());
+        let mut span = String::new();
         let mut first = 0;
         for (index, (channel, image)) in self.channels.iter().zip(images).enumerate() {
             let kind = match channel {
@@ -95,7 +109,11 @@ impl Shape {
                 ChannelShape::Rgba { .. } => "RGBA",
                 ChannelShape::Constant => {
                     load += &format!("LOAD_CONSTANT(channel_{index}, {first}) ");
-                    sample += &format!("SAMPLE_CONSTANT(channel_{index}) ");
+                    sample += &match self.preintegrated {
+                        true => String::new(),
+                        false => format!("SAMPLE_CONSTANT(channel_{index}) "),
+                    };
+                    span += &format!("SPAN_CONSTANT(channel_{index}, 1) ");
                     first += 1;
                     continue;
                 }
@@ -103,11 +121,18 @@ impl Shape {
             let segments = channel.segments();
             load += &format!("LOAD_SEGMENTS(channel_{index}, {first}, {segments}) ");
             sample += &format!("SAMPLE_{kind}(channel_{index}, {image}, {segments}) ");
+            if self.preintegrated {
+                load += &format!("DECLARE_POINTS(channel_{index}) ");
+            }
+            span += &format!("SPAN_SAMPLED(channel_{index}, {segments}) ");
             first += segments;
         }
         variant = variant
             .define("LOAD_CHANNELS", load.trim_end())
             .define("SAMPLE_CHANNELS", sample.trim_end());
+        if self.preintegrated {
+            variant = variant.define("SPAN_CHANNELS", span.trim_end());
+        }
         variant = if self.searches() {
             let most = self.channels.iter().map(|channel| channel.segments()).max().unwrap_or(1);
             let steps = most.next_power_of_two().trailing_zeros().max(1);
@@ -122,6 +147,7 @@ impl Shape {
             ("EARLY_STOP", self.early_stop),
             ("NAN_VOXELS", self.nan_voxels),
             ("SEVERAL_CHANNELS", self.channels.len() > 1),
+            ("PREINTEGRATED", self.preintegrated),
         ];
         let defined = flags.iter().filter(|(_, defined)| *defined);
         defined.fold(variant, |variant, (name, _)| variant.define(*name, 1))

@@ -25,6 +25,6 @@ pub use renderer::{Picture, Renderer};
 pub use scene_data::SceneData;
 pub use settings::{Addressing, Settings};
 pub use statistics::{PassTime, Statistics, Unfinished, peak_rss_bytes};
-pub use transfer_segments::{classify_constant, transfer_segments};
+pub use transfer_segments::{classify_constant, open_both_ends, transfer_segments};
 pub use upload::upload;
 pub use volume_data::{VolumeData, check_memory};

@@ -15,9 +15,10 @@ use crate::render::paging::{PagingPlan, longest_diagonal_world};
 use crate::render::plan_images::{ChannelFacts, plan_images};
 use crate::render::plan_objects::{copies_of, objects, plan_buffers, planned_buffers, queues_text};
 use crate::render::scene_data::SceneData;
-use crate::render::settings::{Addressing, Settings};
-use crate::render::transfer_segments::{classify_constant, transfer_segments};
+use crate::render::settings::{Addressing, LOOP_TURNS_MAX, Settings};
+use crate::render::transfer_segments::{classify_constant, open_both_ends, transfer_segments};
 use crate::residency::PASSES_IN_TURNS;
+use crate::scene::Integrator;
 use crate::twins::limits::BLOCK_SAMPLES;
 use crate::twins::ray_setup::ViewRays;
 use crate::twins::transfer::TransferSegment;
@@ -151,6 +152,7 @@ impl Plan {
         let (volume, voxels) = data.volume()?;
         let facts: Vec<_> = voxels.channels.iter().map(ChannelFacts::of).collect();
         let mut left_out = LeftOut::default();
+        let preintegrated = scene.quality.integrator == Integrator::Preintegrated;
 
         let (images, texel_layouts) = plan_images(gpu, data, &facts, settings)?;
         let mut segments = Vec::new();
@@ -166,7 +168,10 @@ impl Plan {
                 );
                 continue;
             };
-            let of_channel = transfer_segments(channel, scaling, (layout.scale, layout.offset));
+            let mut of_channel = transfer_segments(channel, scaling, (layout.scale, layout.offset));
+            if preintegrated {
+                open_both_ends(&mut of_channel);
+            }
             let count = of_channel.len() as u32;
             channels.push(match facts.format {
                 VoxelFormat::Rgba8 => ChannelShape::Rgba { segments: count },
@@ -181,13 +186,14 @@ impl Plan {
             filter: filter.map_or(FilterShape::Fetch, |l| l.filter_shape(scene.quality.filter)),
             early_stop: scene.quality.early_stop > 0.0 && !homogeneous,
             nan_voxels: facts.iter().any(|facts| facts.nan_count > 0),
+            preintegrated: preintegrated && !homogeneous,
         };
         left_out.of_shape(&shape, scene.quality.early_stop, homogeneous);
 
-        let step_world =
-            (!homogeneous).then(|| scene.quality.step * voxels.world_from_voxel.smallest_edge());
+        let step_world = (!homogeneous)
+            .then(|| scene.quality.sample_edges() * voxels.world_from_voxel.smallest_edge());
         let samples_of_ray_max = samples_of_ray_max(&voxels, step_world)?;
-        let dispatches = samples_of_ray_max.div_ceil(u64::from(settings.steps_per_dispatch)) as u32;
+        let dispatches = dispatches_of(samples_of_ray_max, settings, &shape);
 
         let (picture, tile, tiles) = tiles_of(scene.picture.size, settings);
         // The longest ray fits one dispatch: no state of rays is kept between passes.
@@ -252,7 +258,7 @@ impl Plan {
         let scene = &data.scene;
         let paging = PagingPlan::new(gpu, data, settings)?;
         let samples_of_ray_max = checked_samples(paging.samples_of_ray_max())?;
-        let dispatches = samples_of_ray_max.div_ceil(u64::from(settings.steps_per_dispatch)) as u32;
+        let dispatches = dispatches_of(samples_of_ray_max, settings, &paging.bricks.march);
         let (picture, tile, tiles) = tiles_of(scene.picture.size, settings);
         let specs = paging.buffers(u64::from(tile[0]) * u64::from(tile[1]));
         let buffers = planned_buffers(gpu, specs);
@@ -308,7 +314,9 @@ impl Plan {
             tile,
             tiles,
             views: scene.views.iter().map(|view| view.name.clone()).collect(),
-            step_world: Some(scene.quality.step * data.world_from_voxel(0).smallest_edge()),
+            step_world: Some(
+                scene.quality.sample_edges() * data.world_from_voxel(0).smallest_edge(),
+            ),
             samples_of_ray_max,
             objects,
             buffers,
@@ -342,7 +350,7 @@ impl Plan {
     /// Blocks of samples in one dispatch: no more than a ray can have.
     pub(super) fn blocks_per_dispatch(&self) -> u32 {
         let needed = self.samples_of_ray_max.div_ceil(u64::from(BLOCK_SAMPLES));
-        self.settings.blocks_per_dispatch().min(needed as u32)
+        blocks_per_dispatch(&self.settings, &self.shape).min(needed as u32)
     }
 }
 
@@ -360,6 +368,9 @@ impl LeftOut {
         }
         if shape.channels.len() == 1 {
             self.add("mixing of channels", "the scene shows one");
+        }
+        if !shape.preintegrated {
+            self.add("spans between samples", "the integrator is riemann");
         }
     }
 
@@ -451,6 +462,16 @@ fn check_limits(gpu: &Gpu, buffers: &[PlannedBuffer], memory_bytes: u64) -> Resu
         )));
     }
     Ok(())
+}
+
+/// As the settings say, and no more than loops can turn.
+fn blocks_per_dispatch(settings: &Settings, shape: &Shape) -> u32 {
+    settings.blocks_per_dispatch().min(LOOP_TURNS_MAX / shape.turns_of_block()).max(1)
+}
+
+fn dispatches_of(samples_of_ray_max: u64, settings: &Settings, shape: &Shape) -> u32 {
+    let samples = blocks_per_dispatch(settings, shape) * BLOCK_SAMPLES;
+    samples_of_ray_max.div_ceil(u64::from(samples)) as u32
 }
 
 /// An upper bound: the box's longest diagonal in steps.

@@ -35,6 +35,8 @@ pub enum Addressing {
 /// lavapipe of Mesa 22.3 silently ends an invocation after 65,535 turns of all its loops together;
 /// blocks and samples both count.
 const STEPS_PER_DISPATCH_MAX: u32 = 32_768;
+/// Turns of all loops of one invocation that plans allow: lavapipe's, less a margin.
+pub(super) const LOOP_TURNS_MAX: u32 = 60_000;
 /// Pixels of a tile along one side: bounds the memory of ray states.
 const TILE_EDGE_MAX: u32 = 4096;
 

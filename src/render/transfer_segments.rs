@@ -29,6 +29,26 @@ pub fn transfer_segments(
     segments
 }
 
+/// Adds what holds below and above the window, where the function is not constant there: for values that
+/// are not clamped to it.
+pub fn open_both_ends(segments: &mut Vec<TransferSegment>) {
+    let constant = |from: &TransferSegment, begins_at: f32| {
+        let start = std::array::from_fn(|part| {
+            from.start[part] + from.slope[part] * (begins_at - from.begins_at)
+        });
+        TransferSegment { start, slope: [0.0; 4], begins_at, ..*from }
+    };
+    if let Some(first) = segments.first().filter(|first| first.slope != [0.0; 4]) {
+        let below = constant(first, 0.0);
+        segments.insert(0, below);
+    }
+    if let Some(last) = segments.last().filter(|last| last.slope != [0.0; 4]) {
+        let mut above = constant(last, 1.0);
+        above.start[3] = above.start[3].max(0.0);
+        segments.push(above);
+    }
+}
+
 /// One segment for a channel whose every voxel has the stored value `value`.
 pub fn classify_constant(
     channel: &Channel,

@@ -212,16 +212,17 @@ impl Check<'_> {
         );
         let integrator = match integrator.value.as_str() {
             "riemann" => Integrator::Riemann,
-            "preintegrated" | "adaptive" => {
+            "preintegrated" => Integrator::Preintegrated,
+            "adaptive" => {
                 return Err(integrator.place.error(format!(
-                    "integrator \"{}\" is not built yet: use \"riemann\"",
+                    "integrator \"{}\" is not built yet: use \"riemann\" or \"preintegrated\"",
                     integrator.value
                 )));
             }
             other => {
-                return Err(integrator
-                    .place
-                    .error(format!("integrator \"{other}\" is not known: use \"riemann\"")));
+                return Err(integrator.place.error(format!(
+                    "integrator \"{other}\" is not known: use \"riemann\" or \"preintegrated\""
+                )));
             }
         };
         if let Some(tolerance) =

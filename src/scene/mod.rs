@@ -61,11 +61,39 @@ pub struct Quality {
     pub early_stop: f64,
 }
 
+impl Quality {
+    /// Greatest length of a sample of a ray, in smallest voxel edges of the level in use: one step, or two
+    /// where a sample is integrated as two spans; these a little less, so that at step 0.5 both ends of a
+    /// sample whose middle is in a brick are less than half a voxel outside and can be had from its slot.
+    pub fn sample_edges(&self) -> f64 {
+        match self.integrator {
+            Integrator::Riemann => self.step,
+            Integrator::Preintegrated => 2.0 * self.step * (63.0 / 64.0),
+        }
+    }
+}
+
 /// The quadrature along a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Integrator {
     /// Midpoint rule.
     Riemann,
+    /// Spans on which the value is taken as linear, its curvature corrected: every piece of the transfer
+    /// function that is crossed counts, however narrow.
+    Preintegrated,
+}
+
+impl Integrator {
+    /// All of them.
+    pub const ALL: [Integrator; 2] = [Integrator::Riemann, Integrator::Preintegrated];
+
+    /// As scenes and `--integrator` name it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Integrator::Riemann => "riemann",
+            Integrator::Preintegrated => "preintegrated",
+        }
+    }
 }
 
 /// How values between voxels are found.

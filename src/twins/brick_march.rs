@@ -10,6 +10,7 @@ use crate::twins::limits::{
     BLOCK_SAMPLES, ENTRY_ABSENT, ENTRY_CONSTANT, ENTRY_EXPECTED, ENTRY_FAILED, ENTRY_MAPPED,
     ENTRY_PAYLOAD_MASK, ENTRY_STATE_SHIFT, ENTRY_UNMAPPED,
 };
+use crate::twins::preintegrate::{Content, Point, Span, composite_span};
 use crate::twins::ranks::{LevelView, place_of_brick};
 use crate::twins::ray::{RayGeometry, RayState};
 use crate::twins::ray_block::{MET_ABSENT, MET_FAILED, RayBlock};
@@ -58,6 +59,8 @@ pub struct Settings {
     pub early_stop: Option<f32>,
     /// Counts from 1.
     pub round: u32,
+    /// As [`crate::twins::ray_march::Settings::preintegrated`].
+    pub preintegrated: bool,
 }
 
 #[derive(Clone, Copy)]
@@ -147,29 +150,61 @@ pub fn march_bricks(
                 sample_index = run_end;
                 continue;
             }
-            while sample_index < run_end.min(samples) {
-                let position = at(sample_index);
+            let texel = |channel: &Channel, origin: [i32; 3], steps: f32| {
+                let position: [f32; 3] =
+                    std::array::from_fn(|a| anchor_fraction[a] + steps * step_voxel[a]);
                 let cell = position.map(f32::floor);
                 let within = std::array::from_fn(|a| position[a] - cell[a]);
-                let mut medium = Medium::new(scene.channels.len() > 1);
-                for (channel, has) in scene.channels.iter().zip(&found) {
-                    let classified = match *has {
-                        Has::Nothing => [0.0; 4],
-                        Has::Constant(texel) => classified_or_nothing(channel.segments, texel),
-                        Has::Slot { origin } => {
-                            let corner = std::array::from_fn(|a| {
-                                origin[a] + anchor.cell[a] + 1 + cell[a] as i32
-                            });
-                            let [texel] = filtered(&channel.atlas, corner, within, |texel| [texel]);
-                            classified_or_nothing(channel.segments, texel)
-                        }
-                    };
-                    medium.mix_in(classified);
+                let corner =
+                    std::array::from_fn(|a| origin[a] + anchor.cell[a] + 1 + cell[a] as i32);
+                let [texel] = filtered(&channel.atlas, corner, within, |texel| [texel]);
+                texel
+            };
+            let run_samples = run_end.min(samples) - sample_index;
+            if settings.preintegrated {
+                for index in sample_index..sample_index + run_samples {
+                    let spans = scene.channels.iter().zip(&found).map(|(channel, has)| {
+                        let points = [0.0, 1.0, 2.0].map(|phase| match *has {
+                            Has::Nothing => Point::NONE,
+                            Has::Constant(texel) => Point::new([1.0; 3], texel, channel.segments),
+                            Has::Slot { origin } => {
+                                let steps = 0.5 * ((2 * index) as f32 + phase) - 0.5;
+                                let texel = texel(channel, origin, steps);
+                                Point::new([1.0; 3], texel, channel.segments)
+                            }
+                        });
+                        let [start, middle, end] = points;
+                        (Span::between_three(start, middle, end), channel.segments)
+                    });
+                    let spans: Vec<_> = spans.collect();
+                    for half in 0..2 {
+                        let contents: Vec<Content> = spans
+                            .iter()
+                            .map(|(spans, segments)| Content::Span(spans[half], segments))
+                            .collect();
+                        composite_span(&mut block, &contents, 0.5 * geometry.step_world);
+                    }
                 }
-                block.composite(medium.mixed(), geometry.step_world);
-                state.samples_taken += 1;
-                sample_index += 1;
+                state.samples_taken += 2 * run_samples + 1;
+            } else {
+                for index in sample_index..sample_index + run_samples {
+                    let mut medium = Medium::new(scene.channels.len() > 1);
+                    for (channel, has) in scene.channels.iter().zip(&found) {
+                        let classified = match *has {
+                            Has::Nothing => [0.0; 4],
+                            Has::Constant(texel) => classified_or_nothing(channel.segments, texel),
+                            Has::Slot { origin } => {
+                                let texel = texel(channel, origin, index as f32);
+                                classified_or_nothing(channel.segments, texel)
+                            }
+                        };
+                        medium.mix_in(classified);
+                    }
+                    block.composite(medium.mixed(), geometry.step_world);
+                }
+                state.samples_taken += run_samples;
             }
+            sample_index += run_samples;
         }
         if sample_index >= samples {
             blocks_left -= 1;

@@ -18,6 +18,7 @@ pub mod limits;
 pub mod march;
 pub mod march_bricks;
 pub mod place;
+pub mod preintegrate;
 pub mod probe;
 pub mod publish;
 pub mod ranking;

@@ -5,6 +5,7 @@ use crate::twins::exponential::attenuate;
 use crate::twins::filter::{Texels, filtered};
 use crate::twins::fixed_point::{Fixed3, fixed_advance, fixed_float, fixed_fraction};
 use crate::twins::limits::BLOCK_SAMPLES;
+use crate::twins::preintegrate::{Content, Point, Span, composite_span};
 use crate::twins::ray::{RayGeometry, RayState};
 use crate::twins::transfer::{TransferSegment, classify};
 
@@ -38,13 +39,15 @@ pub struct Settings {
     pub blocks_max: u32,
     /// A ray ends when less than this is transmitted; nothing: never.
     pub early_stop: Option<f32>,
+    /// A sample is two spans, between its place and half a step before and after it.
+    pub preintegrated: bool,
 }
 
 /// Takes up to the settings' blocks of samples of one ray.
-pub fn march_ray(
+pub fn march_ray<'a>(
     geometry: &RayGeometry,
     state: &mut RayState,
-    channels: &[Channel],
+    channels: &[Channel<'a>],
     settings: &Settings,
 ) {
     let start = Fixed3 { cell: geometry.start_cell, fraction: geometry.start_fraction };
@@ -58,16 +61,45 @@ pub fn march_ray(
         let anchor_fraction = fixed_fraction(anchor.fraction);
         let samples = BLOCK_SAMPLES.min(geometry.sample_count - state.next_sample);
         let mut block = Block::EMPTY;
-        for index in 0..samples {
+        let place = |steps: f32| -> ([i32; 3], [f32; 3]) {
             let position: [f32; 3] =
-                std::array::from_fn(|a| anchor_fraction[a] + index as f32 * step_voxel[a]);
+                std::array::from_fn(|a| anchor_fraction[a] + steps * step_voxel[a]);
             let cell = position.map(f32::floor);
             let within = std::array::from_fn(|a| position[a] - cell[a]);
-            let corner = std::array::from_fn(|a| anchor.cell[a] + cell[a] as i32 + 1);
-            block.composite(mixed(channels, corner, within), geometry.step_world);
+            (std::array::from_fn(|a| anchor.cell[a] + cell[a] as i32 + 1), within)
+        };
+        if settings.preintegrated {
+            let points: Vec<Vec<Point>> = (0..2 * samples + 1)
+                .map(|index| place(0.5 * index as f32 - 0.5))
+                .map(|(corner, within)| points_at(channels, corner, within))
+                .collect();
+            for first in (0..2 * samples as usize).step_by(2) {
+                let [start, middle, end] = [0, 1, 2].map(|at| &points[first + at]);
+                let spans: Vec<[Span; 2]> = (0..channels.len())
+                    .map(|channel| {
+                        Span::between_three(start[channel], middle[channel], end[channel])
+                    })
+                    .collect();
+                for half in 0..2 {
+                    let content = |(channel, spans): (&Channel<'a>, &[Span; 2])| match *channel {
+                        Channel::Scalar { segments, .. } | Channel::Rgba { segments, .. } => {
+                            Content::Span(spans[half], segments)
+                        }
+                        Channel::Constant { segment } => Content::Constant(segment.start),
+                    };
+                    let contents: Vec<Content> = channels.iter().zip(&spans).map(content).collect();
+                    composite_span(&mut block, &contents, 0.5 * geometry.step_world);
+                }
+            }
+            state.samples_taken += 2 * samples + 1;
+        } else {
+            for index in 0..samples {
+                let (corner, within) = place(index as f32);
+                block.composite(mixed(channels, corner, within), geometry.step_world);
+            }
+            state.samples_taken += samples;
         }
         join_block(state, &block);
-        state.samples_taken += samples;
         state.next_sample += samples;
         if let Some(early_stop) = settings.early_stop
             && attenuate(state.optical_depth).transmitted < early_stop
@@ -75,6 +107,22 @@ pub fn march_ray(
             state.next_sample = geometry.sample_count;
         }
     }
+}
+
+/// A point of every channel; of channels of one value, nothing.
+fn points_at(channels: &[Channel], corner: [i32; 3], within: [f32; 3]) -> Vec<Point> {
+    let point = |channel: &Channel| match channel {
+        Channel::Scalar { texels, segments } => {
+            let [texel] = filtered(texels, corner, within, |texel| [texel]);
+            Point::new([1.0; 3], texel, segments)
+        }
+        Channel::Rgba { texels, segments } => {
+            let [r, g, b, a] = filtered(texels, corner, within, |texel| texel);
+            Point::new([r, g, b], a, segments)
+        }
+        Channel::Constant { .. } => Point::NONE,
+    };
+    channels.iter().map(point).collect()
 }
 
 /// Colour and extinction of all channels together.

@@ -97,4 +97,10 @@ impl WorldFromVoxel {
     pub fn voxel_from_world(&self) -> DAffine3 {
         self.affine.inverse()
     }
+
+    /// Most voxels that one world unit in any direction may cross along one axis.
+    pub fn voxels_per_world_max(&self) -> f64 {
+        let rows = self.voxel_from_world().matrix3.transpose();
+        rows.x_axis.length().max(rows.y_axis.length()).max(rows.z_axis.length())
+    }
 }

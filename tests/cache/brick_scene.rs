@@ -4,6 +4,7 @@ use ashfall::gpu::{Image, ImageFormat};
 use ashfall::passes::brick_shape::{AtlasShape, BrickShape};
 use ashfall::passes::cache_buffers::{RankOrder, RankShape};
 use ashfall::passes::march_shape::{ChannelShape, FilterShape, Shape};
+use ashfall::render::open_both_ends;
 use ashfall::twins::brick_march::{Channel, Scene};
 use ashfall::twins::filter::Texels;
 use ashfall::twins::ranks::LevelView;
@@ -29,6 +30,7 @@ pub struct Spec {
     /// Some voxels are NaN.
     pub holes: bool,
     pub segments: u32,
+    pub preintegrated: bool,
 }
 
 pub struct BrickScene {
@@ -81,7 +83,11 @@ impl BrickScene {
         let blocks = below(random, 1 << 20);
         let voxels = |_| random_voxels(random, blocks, voxel_size, &spec);
         let voxels: Vec<_> = places.iter().map(voxels).collect();
-        let segments = places.iter().map(|_| transfer(random, spec.segments, spec.holes)).collect();
+        let mut segments: Vec<_> =
+            places.iter().map(|_| transfer(random, spec.segments, spec.holes)).collect();
+        if spec.preintegrated {
+            segments.iter_mut().for_each(open_both_ends);
+        }
         let texels_of_slot = payload.iter().map(|edge| edge + 2).product::<u32>();
         let mut scene = BrickScene {
             spec,
@@ -162,13 +168,14 @@ impl BrickScene {
             slot_first: shape.slot_first,
             slots_across: [self.slots_across[0], self.slots_across[1]],
         };
-        let channel = ChannelShape::Scalar { segments: self.spec.segments };
+        let channel = ChannelShape::Scalar { segments: self.segments[0].len() as u32 };
         BrickShape {
             march: Shape {
                 channels: vec![channel; self.places.len()],
                 filter: self.spec.filter,
                 early_stop: self.spec.early_stop.is_some(),
                 nan_voxels: true,
+                preintegrated: self.spec.preintegrated,
             },
             places: self.places.clone(),
             atlases: self.world.atlases.iter().map(atlas).collect(),

@@ -1,6 +1,7 @@
 //! march.comp against twins::march: ray states of random rays through random media.
 
 use ashfall::passes::march_shape::FilterShape;
+use ashfall::render::open_both_ends;
 use ashfall::twins::exponential::attenuate;
 use ashfall::twins::march::march;
 use ashfall::twins::ray::{RayGeometry, RayState};
@@ -67,12 +68,29 @@ struct Case<'a> {
 }
 
 fn check(device: &Device, conversion: &Conversion, random: &mut Random, case: &Case) {
-    let medium = Medium::random(random, SIZE, case.channels, case.extinctions);
+    let mut medium = Medium::random(random, SIZE, case.channels, case.extinctions);
+    check_integrator(device, conversion, random, case, &medium, false);
+    for (kind, segments) in medium.kinds.iter().zip(&mut medium.segments) {
+        if *kind != Kind::Constant {
+            open_both_ends(segments);
+        }
+    }
+    check_integrator(device, conversion, random, case, &medium, true);
+}
+
+fn check_integrator(
+    device: &Device,
+    conversion: &Conversion,
+    random: &mut Random,
+    case: &Case,
+    medium: &Medium,
+    preintegrated: bool,
+) {
     let geometry = inner_rays(random, SIZE, RAYS);
     let before = states(random, &geometry, case.extinctions);
     let blocks_max = blocks_of(&geometry);
     let mut wanted = before.clone();
-    let settings = Settings { blocks_max, early_stop: case.early_stop };
+    let settings = Settings { blocks_max, early_stop: case.early_stop, preintegrated };
     medium.with_channels(conversion, |channels| {
         march(&geometry, &mut wanted, channels, &settings);
     });
@@ -82,7 +100,8 @@ fn check(device: &Device, conversion: &Conversion, random: &mut Random, case: &C
     assert!(moved * 2 > RAYS, "{}: {moved} rays moved", case.what);
     if case.early_stop.is_some() {
         let early = wanted.iter().zip(&before).zip(&geometry).filter(|((after, before), ray)| {
-            before.next_sample == 0 && after.samples_taken < ray.sample_count
+            let taken = after.samples_taken / if preintegrated { 2 } else { 1 };
+            before.next_sample == 0 && taken < ray.sample_count
         });
         assert!(early.count() > 3, "{}: no ray stops early", case.what);
     }
@@ -97,14 +116,15 @@ fn check(device: &Device, conversion: &Conversion, random: &mut Random, case: &C
     };
     let tame = case.extinctions != WILD;
     for filter in filters {
-        let pipeline =
-            device.pipeline(&medium.shape(*filter, case.early_stop.is_some()).variant("march"));
+        let mut shape = medium.shape(*filter, case.early_stop.is_some());
+        shape.preintegrated = preintegrated;
+        let pipeline = device.pipeline(&shape.variant("march"));
         let scene = medium.on(device, *filter);
         let march = |blocks: &[u32]| {
             marched(device, &pipeline, &scene, &geometry, &before, case.early_stop, blocks)
         };
         let got = march(&[blocks_max]);
-        let what = format!("{}, {filter:?}", case.what);
+        let what = format!("{}, {filter:?}, preintegrated: {preintegrated}", case.what);
         compare(device, &got, &wanted, tame, &what);
         // Resumed in other pieces: the same bits on every device.
         for blocks in [&vec![1; blocks_max as usize][..], &[2, 1, 0, 3, blocks_max]] {

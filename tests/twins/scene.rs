@@ -95,6 +95,7 @@ impl Medium {
             filter,
             early_stop,
             nan_voxels: self.kinds.contains(&Kind::Holes),
+            preintegrated: false,
         }
     }
 
@@ -196,7 +197,9 @@ pub fn inner_rays(random: &mut Random, size: [u32; 3], count: usize) -> Vec<RayG
                 let units = (value * 4_294_967_296.0).round() as i64;
                 ((units >> 32) as i32, units as u32)
             };
-            (geometry.start_cell[axis], geometry.start_fraction[axis]) = fixed(start);
+            // Both ends of every sample are inside, half a step before and after its place.
+            let half = 0.5 * (end - start) / f64::from(samples);
+            (geometry.start_cell[axis], geometry.start_fraction[axis]) = fixed(start + half);
             (geometry.delta_cell[axis], geometry.delta_fraction[axis]) =
                 fixed((end - start) / f64::from(samples));
         }

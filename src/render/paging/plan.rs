@@ -17,16 +17,16 @@ use crate::render::paging::view_levels::ViewLevels;
 use crate::render::paging::visibility::Judge;
 use crate::render::scene_data::SceneData;
 use crate::render::settings::Settings;
-use crate::render::transfer_segments::transfer_segments;
+use crate::render::transfer_segments::{open_both_ends, transfer_segments};
 use crate::residency::{AtlasLayout, AtlasPlan, ResidencyShape};
-use crate::scene::{Filter, Refine};
+use crate::scene::{Filter, Integrator, Quality, Refine};
 use crate::source::Description;
 use crate::twins::place::Placement;
 use crate::twins::ray::{RayGeometry, RayState};
 use crate::twins::ray_block::RayBlock;
 use crate::twins::ray_setup::ViewRays;
 use crate::twins::transfer::TransferSegment;
-use crate::volume::{BrickId, VoxelFormat};
+use crate::volume::{BrickId, VoxelFormat, WorldFromVoxel};
 
 /// Names of atlases, in the order of the scene's first channel of each texel format.
 const ATLAS_NAMES: [&str; 4] = ["atlas_0", "atlas_1", "atlas_2", "atlas_3"];
@@ -74,11 +74,16 @@ impl PagingPlan {
         let (mut judges, mut segments) = (HashMap::new(), Vec::new());
         let (texel_layouts, atlases) = fitting_atlases(gpu, data, settings)?;
         let mut shapes = Vec::new();
+        let preintegrated = scene.quality.integrator == Integrator::Preintegrated;
         for ((channel, shown), layout) in
             volume.channels.iter().zip(source.shown()).zip(&texel_layouts)
         {
             let scaling = (shown.slope, shown.intercept);
-            let of_channel = transfer_segments(channel, scaling, (layout.scale, layout.offset));
+            let mut of_channel = transfer_segments(channel, scaling, (layout.scale, layout.offset));
+            let judged = of_channel.clone();
+            if preintegrated {
+                open_both_ends(&mut of_channel);
+            }
             let count = of_channel.len() as u32;
             shapes.push(match shown.format {
                 VoxelFormat::Rgba8 => ChannelShape::Rgba { segments: count },
@@ -87,7 +92,7 @@ impl PagingPlan {
             let judge = Judge {
                 format: shown.format,
                 layout: *layout,
-                segments: of_channel.clone(),
+                segments: judged,
                 skipping: settings.paging.skipping,
             };
             judges.insert(source.channels[judges.len()], judge);
@@ -97,7 +102,10 @@ impl PagingPlan {
         let stored = atlases.plans.iter().all(|atlas| atlas.layout.spec.stored);
         let copy_path = if stored { CopyPath::Placed } else { CopyPath::Straight };
         let world_from_voxel = data.world_from_voxel(0);
-        let quality = (scene.quality.step, scene.quality.level_max);
+        let quality = (scene.quality.sample_edges(), scene.quality.level_max);
+        if preintegrated {
+            check_spans(&scene.quality, &world_from_voxel)?;
+        }
         let size = scene.picture.size;
         let mut views: Vec<ViewLevels> = scene
             .views
@@ -137,6 +145,7 @@ impl PagingPlan {
                 channels: shapes,
                 filter: texel_layouts[0].filter_shape(scene.quality.filter),
                 early_stop: scene.quality.early_stop > 0.0,
+                preintegrated,
                 nan_voxels: source.shown().any(|channel| channel.nan_voxels > 0),
             },
             places,
@@ -246,6 +255,21 @@ fn floor(description: &Description, atlases: &[AtlasPlan]) -> Range<u8> {
 struct Atlases {
     plans: Vec<AtlasPlan>,
     numbers: BrickNumbers,
+}
+
+/// Both ends of a sample are to lie in the slot of the brick that its middle is in: less than half a voxel
+/// outside the brick.
+fn check_spans(quality: &Quality, world_from_voxel: &WorldFromVoxel) -> Result<()> {
+    let sample_world = quality.sample_edges() * world_from_voxel.smallest_edge();
+    let voxels = sample_world * world_from_voxel.voxels_per_world_max();
+    if voxels < 1.0 {
+        return Ok(());
+    }
+    Err(Error::input(format!(
+        "step {} is too long for integrator \"preintegrated\" in pages: at most {:.3} keeps a sample within a brick's border, or use integrator \"riemann\"",
+        quality.step,
+        (quality.step / voxels * 999.0).floor() / 1000.0
+    )))
 }
 
 /// The texel layout of every channel, and the atlases in the layout that suits device and size.

@@ -1,0 +1,267 @@
+// preintegrate.glsl: the integral over a span between two samples, the value taken as linear along it:
+// piece by piece of the transfer function, so that no piece is missed however narrow it is.
+// twin: src/twins/preintegrate.rs
+//
+// variants ABSENT_POINTS: a point may be NaN, which says that nothing is there; as common/classify.glsl
+// source   pre-integrated classification (Engel, Kraus, Ertl 2001) by the function's own pieces: no
+//          tables and no differences of integrals. Values are first moved by a twelfth of their second
+//          difference, which takes away the chord's error where the value is curved
+
+// Windowed values are kept within this, so that differences stay finite.
+#define UNIT_MAX 1.0e30
+#define BEYOND_UNITS 2.0e30
+#define NO_POINT uintBitsToFloat(0x7fc00000u)
+
+// A part of a ray on which the windowed value is linear.
+struct Span {
+    float from;   // windowed value, not clamped to the window
+    float to;
+    float share;  // how much of it is there; ABSENT_POINTS alone
+    vec3 rgb;     // the voxels' own colour, of channels that have one
+};
+
+Span no_span() {
+    return Span(0.0, 0.0, 0.0, vec3(1.0));
+}
+
+// A point of a channel: its own colour, and the windowed value.
+vec4 point_of(vec3 rgb, float texel, float window_scale, float window_offset) {
+    float unit = clamp(texel * window_scale + window_offset, -UNIT_MAX, UNIT_MAX);
+#ifdef NAN_VOXELS
+    unit = is_nan(texel) ? NO_POINT : unit;
+#endif
+    return vec4(rgb, unit);
+}
+
+Span span_between(vec4 from, vec4 to, float bend, float low, float high) {
+    Span span;
+    span.from = clamp(from.a - bend, low, high);
+    span.to = clamp(to.a - bend, low, high);
+    span.share = 1.0;
+    span.rgb = 0.5 * (from.rgb + to.rgb);
+#ifdef ABSENT_POINTS
+    // Beside a point that is not there, half a span has the other's value.
+    bool no_from = is_nan(from.a);
+    bool no_to = is_nan(to.a);
+    span.from = no_from ? to.a : span.from;
+    span.to = no_to ? from.a : span.to;
+    span.from = no_to ? span.to : span.from;
+    span.to = no_from ? span.from : span.to;
+    span.share = (no_from ? 0.0 : 0.5) + (no_to ? 0.0 : 0.5);
+    if (no_from && no_to) {
+        span = no_span();
+    }
+#endif
+    return span;
+}
+
+// The two spans between three points at equal distances.
+void spans_of(vec4 start, vec4 middle, vec4 end, out Span first, out Span second) {
+    float bend = (start.a - middle.a - (middle.a - end.a)) * (1.0 / 12.0);
+    float low = min(min(start.a, middle.a), end.a);
+    float high = max(max(start.a, middle.a), end.a);
+#ifdef ABSENT_POINTS
+    if (is_nan(start.a) || is_nan(middle.a) || is_nan(end.a)) {
+        bend = 0.0;
+        low = -UNIT_MAX;
+        high = UNIT_MAX;
+    }
+#endif
+    first = span_between(start, middle, bend, low, high);
+    second = span_between(middle, end, bend, low, high);
+}
+
+// How a span lies among the pieces.
+struct Crossing {
+    float from;
+    float to;
+    float per_unit;  // part of the span per unit of value; 0 where the value stands still
+    bool still;
+};
+
+Crossing crossing_of(Span span) {
+    float delta = span.to - span.from;
+    bool still = abs(delta) < 1.0e-30;
+    return Crossing(span.from, span.to, still ? 0.0 : 1.0 / delta, still);
+}
+
+// The part of a span in one piece of the transfer function, which holds from low to high.
+struct PiecePart {
+    float part;        // of the span
+    float centre;      // value in its middle
+    float middle;      // the same from the piece's beginning on
+    float rise;        // of the value, along the ray
+    float extinction;  // in its middle
+    float steeper;     // rise of the extinction over twelve times the extinction
+};
+
+PiecePart part_in(Crossing crossing, float begins_at, float low, float high, vec4 start, vec4 slope) {
+    precise float from = clamp(crossing.from, low, high);
+    precise float to = clamp(crossing.to, low, high);
+    precise float rise = to - from;
+    float stands = crossing.from >= low && crossing.from < high ? 1.0 : 0.0;
+    precise float part = crossing.still ? stands : rise * crossing.per_unit;
+    precise float middle = 0.5 * (from - begins_at + (to - begins_at));
+    precise float extinction = max(start.a + slope.a * middle, 0.0);
+    precise float steeper = slope.a * rise / (12.0 * max(extinction, 1.0e-37));
+    precise float centre = 0.5 * (from + to);
+    return PiecePart(part, centre, middle, rise, extinction, steeper);
+}
+
+#ifdef SEVERAL_CHANNELS
+// Sums over channels, each a mean over the span and the rise of its best linear fit.
+struct Means {
+    vec3 emission;
+    float extinction;
+    vec3 emission_rise;
+    float extinction_rise;
+};
+
+void add_piece(
+    inout Means means, Crossing crossing, float begins_at, float low, float high, vec4 start, vec4 slope,
+    vec3 rgb, float share
+) {
+    PiecePart piece = part_in(crossing, begins_at, low, high, start, slope);
+    precise float part = piece.part * share;
+    precise vec3 color = rgb * (start.rgb + slope.rgb * piece.middle);
+    precise vec3 color_rise = rgb * slope.rgb * piece.rise;
+    precise float extinction_rise = slope.a * piece.rise;
+    precise vec3 emission = piece.extinction * color + extinction_rise * color_rise * (1.0 / 12.0);
+    precise vec3 emission_rise = piece.extinction * color_rise + extinction_rise * color;
+    // Where the part lies in the span, from its middle on.
+    precise float place_moving = (piece.centre - crossing.from) * crossing.per_unit - 0.5;
+    float place = crossing.still ? 0.0 : place_moving;
+    precise float sum = means.extinction + part * piece.extinction;
+    precise vec3 emission_sum = means.emission + part * emission;
+    precise float rise_sum = means.extinction_rise
+        + part * (12.0 * place * piece.extinction + piece.part * extinction_rise);
+    precise vec3 emission_rise_sum = means.emission_rise
+        + part * (12.0 * place * emission + piece.part * emission_rise);
+    means = Means(emission_sum, sum, emission_rise_sum, rise_sum);
+}
+
+void add_constant(inout Means means, vec4 medium) {
+    means.extinction += medium.a;
+    means.emission += medium.a * medium.rgb;
+}
+
+void composite_means(inout Block block, Means means, float length_world) {
+    float depth = min(min(means.extinction, 3.0e38) * length_world, OPAQUE_DEPTH);
+    Attenuation attenuation = attenuate_bounded(depth);
+    precise float per_extinction = 1.0 / max(means.extinction, 1.0e-37);
+    precise vec3 color = means.emission * per_extinction;
+    precise vec3 rise = (means.emission_rise - color * means.extinction_rise) * per_extinction;
+    // What comes first hides what comes later.
+    precise float hidden = depth / (12.0 + 2.0 * depth);
+    precise vec3 seen = max(color - rise * hidden, 0.0);
+    float weight = block.transmitted * attenuation.absorbed;
+    block.color += weight * seen;
+    block.transmitted -= weight;
+    block.depth += depth;
+}
+
+#define SPAN_SUM Means sum = Means(vec3(0.0), 0.0, vec3(0.0), 0.0);
+#define SPAN_SUM_END composite_means(block, sum, length_world);
+#else
+// A span of one channel, composited along the ray.
+struct Composited {
+    vec3 color;         // as if nothing stood before the span
+    float depth;
+    float transmitted;
+    float length_world;
+};
+
+void add_piece(
+    inout Composited sum, Crossing crossing, float begins_at, float low, float high, vec4 start, vec4 slope,
+    vec3 rgb, float share
+) {
+    PiecePart piece = part_in(crossing, begins_at, low, high, start, slope);
+    float depth = min(piece.extinction * (piece.part * share * sum.length_world), OPAQUE_DEPTH);
+    Attenuation attenuation = attenuate_bounded(depth);
+    // Where the light comes from: where extinction is greater, and where less stands before it.
+    float lead = clamp(piece.steeper - depth / (12.0 + 2.0 * depth), -0.5, 0.5);
+    vec3 color = rgb * max(start.rgb + slope.rgb * (piece.middle + piece.rise * lead), 0.0);
+    // Pieces come in the order of their values: along the ray, or against it.
+    bool along = crossing.to >= crossing.from;
+    sum.color = along
+        ? sum.color + sum.transmitted * attenuation.absorbed * color
+        : attenuation.absorbed * color + attenuation.transmitted * sum.color;
+    sum.transmitted *= attenuation.transmitted;
+    sum.depth += depth;
+}
+
+void composite_span(inout Block block, Composited sum) {
+    block.color += block.transmitted * sum.color;
+    block.transmitted *= sum.transmitted;
+    block.depth += sum.depth;
+}
+
+#define SPAN_SUM Composited sum = Composited(vec3(0.0), 0.0, 1.0, length_world);
+#define SPAN_SUM_END composite_span(block, sum);
+#endif
+
+#ifdef TRANSFER_SEARCH
+#define ADD_PIECES(NAME, SEGMENTS, span) \
+    { \
+        Crossing crossing = crossing_of(span); \
+        float lowest = min(span.from, span.to); \
+        float highest = max(span.from, span.to); \
+        uint at = 0u; \
+        [[unroll]] for (uint halving = 0u; halving < SEARCH_STEPS; ++halving) { \
+            uint tried = at + ((1u << (SEARCH_STEPS - 1u)) >> halving); \
+            if (tried < NAME##_count && lowest >= segments[NAME##_first + tried].begins_at) { \
+                at = tried; \
+            } \
+        } \
+        bool more = true; \
+        while (more) { \
+            TransferSegment piece = segments[NAME##_first + at]; \
+            uint after = min(at + 1u, NAME##_count - 1u); \
+            float next = at + 1u < NAME##_count ? segments[NAME##_first + after].begins_at : BEYOND_UNITS; \
+            float low = at == 0u ? -UNIT_MAX : piece.begins_at; \
+            add_piece( \
+                sum, crossing, piece.begins_at, low, next, piece.start, piece.slope, span.rgb, span.share); \
+            ++at; \
+            more = at < NAME##_count && next <= highest; \
+        } \
+    }
+#else
+#define ADD_PIECES(NAME, SEGMENTS, span) \
+    { \
+        Crossing crossing = crossing_of(span); \
+        [[unroll]] for (int index = 0; index < SEGMENTS; ++index) { \
+            float low = index == 0 ? -UNIT_MAX : NAME##_begins_at[index]; \
+            float high = index + 1 < SEGMENTS ? NAME##_begins_at[min(index + 1, SEGMENTS - 1)] : BEYOND_UNITS; \
+            add_piece( \
+                sum, crossing, NAME##_begins_at[index], low, high, NAME##_start[index], \
+                NAME##_slope[index], span.rgb, span.share); \
+        } \
+    }
+#endif
+
+// What a channel keeps from point to point.
+#define DECLARE_POINTS(NAME) \
+    vec4 NAME##_behind = vec4(0.0); \
+    vec4 NAME##_middle = vec4(0.0); \
+    vec4 NAME##_ahead = vec4(0.0); \
+    Span NAME##_rest = no_span();
+
+// A channel's span: the first of two where three points are known, else the one left over.
+#define SPAN_SAMPLED(NAME, SEGMENTS) \
+    { \
+        Span span = NAME##_rest; \
+        if (pair_ends) { \
+            spans_of(NAME##_behind, NAME##_middle, NAME##_ahead, span, NAME##_rest); \
+        } \
+        ADD_PIECES(NAME, SEGMENTS, span) \
+        NAME##_behind = pair_middle ? NAME##_behind : NAME##_ahead; \
+        NAME##_middle = pair_middle ? NAME##_ahead : NAME##_middle; \
+    }
+#define SPAN_CONSTANT(NAME, SEGMENTS) SPAN_OF_CONSTANT(NAME)
+#ifdef SEVERAL_CHANNELS
+#define SPAN_OF_CONSTANT(NAME) add_constant(sum, NAME##_medium);
+#else
+#define SPAN_OF_CONSTANT(NAME) \
+    add_piece( \
+        sum, Crossing(0.0, 0.0, 0.0, true), 0.0, -UNIT_MAX, BEYOND_UNITS, NAME##_medium, vec4(0.0), vec3(1.0), 1.0);
+#endif
