@@ -41,13 +41,14 @@ RayGeometry set_up_ray_within(
         + rays.direction_row_world.xyz * at.y;
 
     // The part of the ray, in multiples of its direction, inside the volume's box. Along an axis on
-    // which the ray does not move, it is inside from the start or never.
+    // which the ray does not move, it is inside from the start or never: not within the upper face, since
+    // voxels are half open.
     dvec3 extent = dvec3(volume_size);
     bvec3 still = equal(direction, dvec3(0.0LF));
     bvec3 outside = bvec3(
-        origin.x < 0.0LF || origin.x > extent.x,
-        origin.y < 0.0LF || origin.y > extent.y,
-        origin.z < 0.0LF || origin.z > extent.z
+        origin.x < 0.0LF || origin.x >= extent.x,
+        origin.y < 0.0LF || origin.y >= extent.y,
+        origin.z < 0.0LF || origin.z >= extent.z
     );
     dvec3 per_direction = 1.0LF / mix(direction, dvec3(1.0LF), still);
     dvec3 to_near = mix(-origin * per_direction, dvec3(0.0LF), still);

@@ -100,7 +100,7 @@ fn check_fits(data: &SceneData, bytes: u64, limit: u64) -> Result<()> {
     }
     let volume = &data.scene.volumes[0];
     Err(volume.place.error(format!(
-        "volume \"{}\" needs {} MiB on the device, but atlas_mib is {}: raise --atlas-mib (paging is not built yet)",
+        "volume \"{}\" needs {} MiB on the device, but atlas_mib is {}: raise --atlas-mib or leave out --addressing direct",
         volume.name,
         bytes.div_ceil(1 << 20),
         limit >> 20
@@ -126,7 +126,7 @@ fn images_in_layout(
         }
         if size.iter().any(|edge| *edge > edge_max) {
             return Err(volume.place.error(format!(
-                "volume \"{}\" of {} voxels is larger than this device's images ({edge_max} along an axis): paging is not built yet",
+                "volume \"{}\" of {} voxels is larger than this device's images ({edge_max} along an axis): leave out --addressing direct",
                 volume.name, volume_size
             )));
         }

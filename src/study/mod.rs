@@ -10,4 +10,5 @@ pub mod reload;
 pub mod repeated;
 pub mod sample_price;
 pub mod sampler_precision;
+pub mod stability;
 pub mod upload_price;

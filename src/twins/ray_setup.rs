@@ -66,7 +66,7 @@ pub fn set_up_ray_within(
     for axis in 0..3 {
         let extent = f64::from(volume_size[axis]);
         if direction[axis] == 0.0 {
-            never |= origin[axis] < 0.0 || origin[axis] > extent;
+            never |= origin[axis] < 0.0 || origin[axis] >= extent;
         } else {
             let per_direction = 1.0 / direction[axis];
             let to_near = -origin[axis] * per_direction;

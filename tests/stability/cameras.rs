@@ -1,0 +1,6 @@
+//! Cameras where rays degenerate.
+
+#[test]
+fn cameras_hold() {
+    crate::hold("cameras");
+}

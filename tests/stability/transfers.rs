@@ -1,0 +1,6 @@
+//! Transfer functions that no step resolves.
+
+#[test]
+fn transfers_hold() {
+    crate::hold("transfers");
+}
