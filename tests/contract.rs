@@ -237,6 +237,10 @@ fn shape(channels: &[ChannelShape], filter: FilterShape) -> Shape {
     }
 }
 
+fn spans(shape: Shape) -> Shape {
+    Shape { preintegrated: true, ..shape }
+}
+
 /// Shapes of marching that matter: every macro, alone and together.
 fn shapes() -> Vec<Shape> {
     use ChannelShape::Constant;
@@ -259,6 +263,10 @@ fn shapes() -> Vec<Shape> {
         // Segments that are searched: too many of one channel, too many of all.
         shape(&[ChannelShape::Scalar { segments: 25 }], Fetch),
         full(shape(&[ChannelShape::Rgba { segments: 24 }; 16], Fetch)),
+        spans(shape(&[SCALAR], Quads)),
+        spans(full(shape(&[RGBA], Fetch))),
+        spans(shape(&[SCALAR, Constant, RGBA], Fetch)),
+        spans(full(shape(&[ChannelShape::Scalar { segments: 25 }], Fetch))),
     ]
 }
 
@@ -303,6 +311,8 @@ fn brick_shapes() -> Vec<BrickShape> {
         BrickShape { march: shape(&[SCALAR], FilterShape::Sampler), ..plain.clone() },
         BrickShape { skipping: true, ..plain.clone() },
         BrickShape { marks: false, ..plain.clone() },
+        BrickShape { march: spans(plain.march.clone()), ..plain.clone() },
+        BrickShape { march: spans(full.march.clone()), ..full.clone() },
         BrickShape { ranks: RankShape { levels: 4, order: RankOrder::Papers }, ..plain.clone() },
         BrickShape {
             ranks: RankShape { levels: 4, order: RankOrder::Substitute },
@@ -779,6 +789,10 @@ fn each_feature_costs_instructions() {
             shape(&[ChannelShape::Constant], Fetch),
             shape(&[SCALAR], Fetch),
             early(shape(&[SCALAR], Fetch)),
+            nan(early(shape(&[SCALAR], Fetch))),
+            spans(nan(early(shape(&[SCALAR], Fetch)))),
+        ],
+        vec![
             nan(early(shape(&[SCALAR], Fetch))),
             nan(early(shape(&[SCALAR; 2], Fetch))),
             nan(early(shape(&[SCALAR; 3], Fetch))),

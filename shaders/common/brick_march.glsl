@@ -25,7 +25,7 @@
 #include "common/filter.glsl"
 #include "common/classify.glsl"
 #ifdef PREINTEGRATED
-#define ABSENT_POINTS
+#define MAY_BE_ABSENT true
 #include "common/preintegrate.glsl"
 #endif
 #include "common/ranks.glsl"

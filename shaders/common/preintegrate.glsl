@@ -2,7 +2,8 @@
 // piece by piece of the transfer function, so that no piece is missed however narrow it is.
 // twin: src/twins/preintegrate.rs
 //
-// variants ABSENT_POINTS: a point may be NaN, which says that nothing is there; as common/classify.glsl
+// variants as common/classify.glsl; who includes it defines MAY_BE_ABSENT: a point may be NaN, which says
+//          that nothing is there
 // source   pre-integrated classification (Engel, Kraus, Ertl 2001) by the function's own pieces: no
 //          tables and no differences of integrals. Values are first moved by a twelfth of their second
 //          difference, which takes away the chord's error where the value is curved
@@ -16,7 +17,7 @@
 struct Span {
     float from;   // windowed value, not clamped to the window
     float to;
-    float share;  // how much of it is there; ABSENT_POINTS alone
+    float share;  // how much of it is there
     vec3 rgb;     // the voxels' own colour, of channels that have one
 };
 
@@ -39,19 +40,19 @@ Span span_between(vec4 from, vec4 to, float bend, float low, float high) {
     span.to = clamp(to.a - bend, low, high);
     span.share = 1.0;
     span.rgb = 0.5 * (from.rgb + to.rgb);
-#ifdef ABSENT_POINTS
-    // Beside a point that is not there, half a span has the other's value.
-    bool no_from = is_nan(from.a);
-    bool no_to = is_nan(to.a);
-    span.from = no_from ? to.a : span.from;
-    span.to = no_to ? from.a : span.to;
-    span.from = no_to ? span.to : span.from;
-    span.to = no_from ? span.from : span.to;
-    span.share = (no_from ? 0.0 : 0.5) + (no_to ? 0.0 : 0.5);
-    if (no_from && no_to) {
-        span = no_span();
+    if (MAY_BE_ABSENT) {
+        // Beside a point that is not there, half a span has the other's value.
+        bool no_from = is_nan(from.a);
+        bool no_to = is_nan(to.a);
+        span.from = no_from ? to.a : span.from;
+        span.to = no_to ? from.a : span.to;
+        span.from = no_to ? span.to : span.from;
+        span.to = no_from ? span.from : span.to;
+        span.share = (no_from ? 0.0 : 0.5) + (no_to ? 0.0 : 0.5);
+        if (no_from && no_to) {
+            span = no_span();
+        }
     }
-#endif
     return span;
 }
 
@@ -60,13 +61,11 @@ void spans_of(vec4 start, vec4 middle, vec4 end, out Span first, out Span second
     float bend = (start.a - middle.a - (middle.a - end.a)) * (1.0 / 12.0);
     float low = min(min(start.a, middle.a), end.a);
     float high = max(max(start.a, middle.a), end.a);
-#ifdef ABSENT_POINTS
-    if (is_nan(start.a) || is_nan(middle.a) || is_nan(end.a)) {
+    if (MAY_BE_ABSENT && (is_nan(start.a) || is_nan(middle.a) || is_nan(end.a))) {
         bend = 0.0;
         low = -UNIT_MAX;
         high = UNIT_MAX;
     }
-#endif
     first = span_between(start, middle, bend, low, high);
     second = span_between(middle, end, bend, low, high);
 }

@@ -21,7 +21,9 @@
 #include "common/classify.glsl"
 #ifdef PREINTEGRATED
 #ifdef NAN_VOXELS
-#define ABSENT_POINTS
+#define MAY_BE_ABSENT true
+#else
+#define MAY_BE_ABSENT false
 #endif
 #include "common/preintegrate.glsl"
 #endif

@@ -59,7 +59,13 @@ pub fn measure(
     let truth = case.truth()?;
     let brightest = truth.iter().flatten().fold(0.0, |most: f64, part| most.max(*part));
     let unit = if brightest > 0.0 && brightest < NEARLY_BLACK { brightest } else { 1.0 };
-    let bound = if integrator == "adaptive" { TOLERANCE + ROUNDING } else { case.bound };
+    let bound = match (integrator, case.spans) {
+        ("adaptive", _) => TOLERANCE + ROUNDING,
+        ("preintegrated", Some(bound)) => bound,
+        _ => case.bound,
+    };
+    // Samples that reach beyond a brick's border are refused in pages: there is nothing to compare.
+    let in_pages = integrator != "preintegrated" || case.spans_fit_bricks();
 
     let direct = draws.direct(case.step, 1.0)?;
     let halved = draws.direct(0.5 * case.step, 1.0)?;
@@ -67,10 +73,15 @@ pub fn measure(
     let bricks: u32 =
         case.voxels.size.to_array().map(|edge| edge.div_ceil(PAYLOADS[0])).iter().product();
     let few = (bricks / BRICKS_PER_SLOT).max(SLOTS_MIN);
-    let bordered = draws.paged(PAYLOADS[0], few, Some(0))?;
-    let roomy = draws.paged(PAYLOADS[0], few + SLOTS_MORE, Some(0))?;
-    let whole = draws.paged(PAYLOADS[1], few + SLOTS_MORE, Some(0))?;
-    let leveled = case.any_level.then(|| draws.paged(PAYLOADS[0], few, None)).transpose()?;
+    let paged = |payload, slots| match in_pages {
+        true => draws.paged(payload, slots, Some(0)),
+        false => Ok(direct.clone()),
+    };
+    let bordered = paged(PAYLOADS[0], few)?;
+    let roomy = paged(PAYLOADS[0], few + SLOTS_MORE)?;
+    let whole = paged(PAYLOADS[1], few + SLOTS_MORE)?;
+    let leveled =
+        (case.any_level && in_pages).then(|| draws.paged(PAYLOADS[0], few, None)).transpose()?;
 
     let error = greatest(&direct, &truth) / unit;
     let error_halved = greatest(&halved, &truth) / unit;

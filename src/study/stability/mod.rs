@@ -63,6 +63,8 @@ pub struct Case {
     pub step: f64,
     /// Greatest error of a component, of an integrator that promises nothing by itself.
     pub bound: f64,
+    /// Another bound, for spans between samples.
+    pub spans: Option<f64>,
     /// Why the bound is what it is.
     pub reason: &'static str,
     /// Alpha of every pixel by a closed form.
@@ -129,6 +131,7 @@ impl Case {
             size: [24, 20],
             step: 0.5,
             bound: 0.0,
+            spans: None,
             reason: "",
             alpha: None,
             dark: false,
@@ -155,6 +158,11 @@ impl Case {
 
     fn dark(self) -> Case {
         Case { dark: true, ..self.within(0.0, "nothing is nothing") }
+    }
+
+    fn spans_fit_bricks(&self) -> bool {
+        let map = &self.voxels.world_from_voxel;
+        2.0 * self.step * map.smallest_edge() * map.voxels_per_world_max() < 1.01
     }
 
     fn within(self, bound: f64, reason: &'static str) -> Case {
