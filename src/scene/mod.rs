@@ -68,6 +68,25 @@ pub enum Integrator {
     Riemann,
 }
 
+impl Integrator {
+    /// Every one that is built, in the order in which a study takes them.
+    pub const ALL: [Integrator; 1] = [Integrator::Riemann];
+
+    /// The word in scenes and flags.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Integrator::Riemann => "riemann",
+        }
+    }
+
+    /// Whether it works to a tolerance, which a study then sweeps in place of the step.
+    pub const fn has_tolerance(self) -> bool {
+        match self {
+            Integrator::Riemann => false,
+        }
+    }
+}
+
 /// How values between voxels are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Filter {
@@ -110,6 +129,16 @@ pub struct Volume {
     pub channels: Vec<Channel>,
     /// Where the scene names the source, for messages about it.
     pub place: Place,
+}
+
+impl Filter {
+    /// The word in scenes and flags.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Filter::Exact => "exact",
+            Filter::Hardware => "hardware",
+        }
+    }
 }
 
 impl Volume {

@@ -97,7 +97,7 @@ impl PagingPlan {
         let stored = atlases.plans.iter().all(|atlas| atlas.layout.spec.stored);
         let copy_path = if stored { CopyPath::Placed } else { CopyPath::Straight };
         let world_from_voxel = data.world_from_voxel(0);
-        let quality = (scene.quality.step, scene.quality.level_max);
+        let quality = (scene.quality.step, settings.level_min, scene.quality.level_max);
         let size = scene.picture.size;
         let mut views: Vec<ViewLevels> = scene
             .views
