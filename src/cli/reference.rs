@@ -13,6 +13,7 @@ use crate::cli::scene_flags::SceneFlags;
 use crate::error::{Error, Result};
 use crate::reference::{Truth, VolumeLevel};
 use crate::render::Picture;
+use crate::volume::VolumeVoxels;
 
 /// Integrate a scene in f64 on the CPU, to a stated tolerance: the truth that pictures are measured
 /// against.
@@ -60,7 +61,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let scene = &data.scene;
     let level = |(index, volume): (usize, _)| VolumeLevel {
         volume,
-        voxels: &*voxels[index],
+        voxels: &voxels[index] as &VolumeVoxels,
         extent_voxel: data.volumes[index].extent_voxel(level_of(index)),
     };
     let levels: Vec<_> = scene.volumes.iter().enumerate().map(level).collect();

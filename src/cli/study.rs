@@ -115,7 +115,7 @@ pub struct Arguments {
         help_heading = "What is swept"
     )]
     levels: Vec<u8>,
-    /// Sizes of the atlas in MiB; those above the scene's atlas_mib are left out.
+    /// Sizes of the atlas in MiB, up to the first that holds all bricks or the scene's atlas_mib.
     #[arg(
         long,
         value_name = "MIB",
@@ -124,6 +124,10 @@ pub struct Arguments {
         help_heading = "What is swept"
     )]
     atlas_sizes: Vec<u64>,
+    /// Bricks that each round of refinement by substitution brings.
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..),
+          help_heading = "What is swept")]
+    streaming_bricks: u32,
     #[command(flatten)]
     device: DeviceFlags,
     #[command(flatten)]
@@ -159,14 +163,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         repeats: arguments.repeats,
         error_max,
         threads: arguments.jobs.unwrap_or_else(all_cores).max(1),
-        streaming: arguments.only.contains(&Part::Streaming),
+        streaming: arguments.only.contains(&Part::Streaming).then_some(arguments.streaming_bricks),
         work,
     };
     // Before anything is measured, so that a bad value costs no time.
     effort.base.quality()?;
     let all = settings(&effort.base, &effort.axes);
     all.iter().try_for_each(|(_, setting)| setting.quality().map(|_| ()))?;
-    if all.is_empty() && !effort.streaming {
+    if all.is_empty() && effort.streaming.is_none() {
         return Err(Error::arguments(
             "--only: this volume has nothing of that to sweep: name another axis",
         ));

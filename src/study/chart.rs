@@ -113,6 +113,7 @@ fn legend(panels: &[Panel], missing: &str, width: f64) -> (String, usize) {
     }
     if panels.iter().any(|panel| !panel.front.is_empty()) {
         let [x, y] = place(wide("Pareto front"));
+        let x = x + 4.0;
         front(&mut out, &[(x, y), (x + 30.0, y)]);
         text(&mut out, [x + 36.0, y + 4.0], "", "Pareto front");
     }
@@ -182,9 +183,11 @@ fn draw(out: &mut String, [left, top]: [f64; 2], size: [f64; 2], panel: &Panel, 
     if !best.is_empty() {
         front(out, &best);
     }
-    let mut taken: Vec<[f64; 4]> = Vec::new();
+    let place = |(x, y): &(f64, Option<f64>)| Some((xs.at(*x), ys.at((*y)?)));
+    // No words on a mark.
+    let of_mark = |(x, y): (f64, f64)| [x - 4.0, y - 4.0, x + 4.0, y + 4.0];
+    let mut taken: Vec<[f64; 4]> = points().filter_map(place).map(of_mark).collect();
     for (index, series) in panel.series.iter().enumerate() {
-        let place = |(x, y): &(f64, Option<f64>)| Some((xs.at(*x), ys.at((*y)?)));
         let there: Vec<(f64, f64)> = series.points.iter().filter_map(place).collect();
         if !series.apart {
             line(out, index, &there);
@@ -192,6 +195,8 @@ fn draw(out: &mut String, [left, top]: [f64; 2], size: [f64; 2], panel: &Panel, 
         there.iter().for_each(|at| mark(out, index, *at));
         let absent = series.points.iter().filter(|(_, y)| y.is_none());
         absent.for_each(|(x, _)| cross(out, (xs.at(*x), y1 - 9.0)));
+    }
+    for (index, series) in panel.series.iter().enumerate() {
         for (point, words) in series.points.iter().zip(&series.labels) {
             if let Some(at) = place(point).filter(|_| !words.is_empty()) {
                 label(out, index, at, words, &mut taken);
@@ -213,7 +218,14 @@ fn label(out: &mut String, style: usize, at: (f64, f64), words: &str, taken: &mu
         };
         if !taken.iter().any(meets) {
             taken.push([left, top, right, bottom]);
-            text(out, [x, y], &format!("font-size=\"9.5\" fill=\"{colour}\""), words);
+            text(
+                out,
+                [x, y],
+                &format!(
+                    "font-size=\"9.5\" fill=\"{colour}\" paint-order=\"stroke\" stroke=\"#fff\" stroke-width=\"2.5\""
+                ),
+                words,
+            );
             return;
         }
     }

@@ -23,9 +23,11 @@ use crate::render::{Addressing, Plan, Renderer, SceneData, Settings, Statistics}
 use crate::scene::Refine;
 use crate::study::figures::Figures;
 use crate::study::journal::{Entry, Journal, Subject};
+use crate::study::reload::slots_of;
 use crate::study::repeated::{Spread, Timer};
 use crate::study::sweep::{Axes, Axis, Setting, settings};
 use crate::study::truth_file;
+use crate::volume::BrickId;
 
 /// How much is measured, and how.
 #[derive(Clone, Debug)]
@@ -40,8 +42,8 @@ pub struct Effort {
     pub error_max: f64,
     /// Threads that integrate the reference.
     pub threads: usize,
-    /// Whether refinement by substitution is measured too.
-    pub streaming: bool,
+    /// Bricks that a round brings while refinement by substitution is measured; nothing: it is not.
+    pub streaming: Option<u32>,
     /// How pictures are drawn, beside the setting.
     pub work: Settings,
 }
@@ -59,7 +61,7 @@ pub trait Watcher: Sync {
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
     /// Figures.
-    Measured(Measurement),
+    Measured(Box<Measurement>),
     /// It cannot be drawn, and why: an atlas too small, for one.
     Refused(String),
 }
@@ -85,6 +87,8 @@ pub struct Measurement {
     pub bricks_uploaded: u64,
     /// Bytes of them.
     pub bytes_uploaded: u64,
+    /// Of all atlases together; 0 where nothing is paged.
+    pub slots: u64,
     /// Device memory allocated, bytes.
     pub device_bytes: u64,
     /// Against the reference of level 0.
@@ -201,9 +205,12 @@ impl<'a> Study<'a> {
     /// all can be drawn, or the reference beside the journal is not as it was written.
     pub fn run(&mut self, watcher: &dyn Watcher) -> Result<Found> {
         let all = settings(&self.effort.base, &self.effort.axes);
-        let count = all.len() + usize::from(self.effort.streaming);
+        let count = all.len() + usize::from(self.effort.streaming.is_some());
         let mut measured: Vec<Measured> = Vec::new();
         for (axis, setting) in all {
+            if axis == Axis::Atlas && measured.iter().any(|known| self.holds_all(known)) {
+                continue;
+            }
             let key = setting.key();
             self.truth(0, watcher)?;
             let level = setting.level().filter(|level| *level > 0);
@@ -215,10 +222,10 @@ impl<'a> Study<'a> {
                 Some(outcome) => outcome,
                 None => {
                     let outcome = self.measure(&setting)?;
-                    let (repeats, outcome) = (self.effort.repeats, Box::new(outcome));
-                    self.journal.add(Entry::Setting { key, repeats, outcome: outcome.clone() })?;
+                    let (repeats, kept) = (self.effort.repeats, outcome.clone());
+                    self.journal.add(Entry::Setting { key, repeats, outcome: kept })?;
                     self.measured_now += 1;
-                    *outcome
+                    outcome
                 }
             };
             measured.push(Measured { axis, setting, outcome });
@@ -233,8 +240,8 @@ impl<'a> Study<'a> {
             return Err(Error::input(why));
         }
         let streaming = match self.effort.streaming {
-            true => Some(self.streaming(measured.len(), count, watcher)?),
-            false => None,
+            Some(bricks) => Some(self.streaming(bricks, [count - 1, count], watcher)?),
+            None => None,
         };
         let finest = self.truths.get(&0).map(|truth| &truth.rgba);
         let size = self.data.scene.picture.size;
@@ -254,12 +261,23 @@ impl<'a> Study<'a> {
         })
     }
 
+    /// Whether this is an atlas with a slot for every brick: a larger one is no other.
+    fn holds_all(&self, known: &Measured) -> bool {
+        let volume = &self.data.volumes[0];
+        let of_shown = |id: &BrickId| volume.channels.contains(&id.channel);
+        let bricks = || volume.source.description().bricks().filter(of_shown).count() as u64;
+        match &known.outcome {
+            Outcome::Measured(m) => known.axis == Axis::Atlas && m.slots >= bricks(),
+            Outcome::Refused(_) => false,
+        }
+    }
+
     fn known(&self, wanted: &str) -> Option<Outcome> {
         self.journal.entries().iter().rev().find_map(|entry| match entry {
             Entry::Setting { key, repeats, outcome }
                 if key == wanted && *repeats == self.effort.repeats =>
             {
-                Some((**outcome).clone())
+                Some(outcome.clone())
             }
             _ => None,
         })
@@ -314,7 +332,7 @@ impl<'a> Study<'a> {
             true => Settings { addressing: Addressing::Paged, ..work },
             false => work,
         };
-        let (mut renderer, mut addressing) = (None, "");
+        let (mut renderer, mut addressing, mut slots) = (None, "", 0);
         let (mut took, mut wall_ms, mut gpu_ms) = (Vec::new(), Vec::new(), Vec::new());
         let mut last = None;
         for turn in 0..=self.effort.repeats {
@@ -329,6 +347,7 @@ impl<'a> Study<'a> {
                     plan => plan?,
                 };
                 addressing = plan.addressing;
+                slots = if addressing == "paged" { slots_of(&plan, &self.data) } else { 0 };
                 renderer = Some(Renderer::new(self.gpu, plan, &self.data)?);
             }
             let Some(renderer) = &mut renderer else { unreachable!("made above") };
@@ -356,7 +375,7 @@ impl<'a> Study<'a> {
             Some(Figures::of_drawn(size, &picture.pixels, &truth.rgba))
         };
         let Some(error) = against(0) else { unreachable!("the truth comes first") };
-        Ok(Outcome::Measured(Measurement {
+        Ok(Outcome::Measured(Box::new(Measurement {
             addressing: addressing.to_owned(),
             ms: Spread::of(&took),
             wall_ms: Spread::of(&wall_ms),
@@ -366,15 +385,21 @@ impl<'a> Study<'a> {
             bricks_needed: statistics.bricks_needed,
             bricks_uploaded: statistics.bricks_uploaded,
             bytes_uploaded: statistics.bytes_uploaded,
+            slots,
             device_bytes: statistics.device_bytes,
             error,
             integration: setting.level().filter(|level| *level > 0).and_then(against),
             incomplete,
-        }))
+        })))
     }
 
-    fn streaming(&mut self, done: usize, all: usize, watcher: &dyn Watcher) -> Result<Streaming> {
-        let key = format!("{}, substitute", self.effort.base.key());
+    fn streaming(
+        &mut self,
+        bricks: u32,
+        [done, all]: [usize; 2],
+        watcher: &dyn Watcher,
+    ) -> Result<Streaming> {
+        let key = format!("{}, substitute, {bricks} bricks a round", self.effort.base.key());
         watcher.measures(done, all, &key);
         let known = self.journal.entries().iter().rev().find_map(|entry| match entry {
             Entry::Streaming { key: of, streaming } if *of == key => Some(streaming.clone()),
@@ -384,44 +409,43 @@ impl<'a> Study<'a> {
             return Ok(known);
         }
         self.truth(0, watcher)?;
-        let streaming = self.stream()?;
+        let streaming = self.stream(bricks)?;
         self.journal.add(Entry::Streaming { key, streaming: streaming.clone() })?;
         self.measured_now += 1;
         Ok(streaming)
     }
 
     /// In lockstep, so that nothing goes on while a round's picture is measured.
-    fn stream(&mut self) -> Result<Streaming> {
+    fn stream(&mut self, bricks: u32) -> Result<Streaming> {
         let scene = &mut self.data.scene;
         scene.quality = self.effort.base.quality()?;
         scene.quality.refine = Refine::Substitute;
         scene.memory.atlas_mib = self.effort.base.atlas_mib;
         let (size, data) = (scene.picture.size, &self.data);
-        let paging = PagingSettings { lockstep: true, ..self.effort.work.paging };
+        let paging = PagingSettings {
+            lockstep: true,
+            grants_per_round: Some(bricks),
+            ..self.effort.work.paging
+        };
         let work =
             Settings { addressing: Addressing::Paged, tile: size, paging, ..self.effort.work };
         let Some(truth) = self.truths.get(&0) else { unreachable!("the truth comes first") };
         let mut rounds: Vec<StreamingRound> = Vec::new();
-        let mut ended = None;
         // The first time drivers compile; the second counts.
-        for _ in 0..2 {
-            rounds.clear();
-            let plan = match Plan::new(self.gpu, self.compiler, data, &work) {
-                Err(Error { exit: Exit::Arguments | Exit::Input, message }) => {
-                    let incomplete = Some(message);
-                    return Ok(Streaming { rounds, converged: false, incomplete });
-                }
-                plan => plan?,
-            };
-            let mut renderer = Renderer::new(self.gpu, plan, data)?;
-            let (_, statistics) = renderer.draw_watched(0, &mut |seen| {
-                let error = Figures::of_drawn(size, &seen.picture.pixels, &truth.rgba);
-                let (round, bricks_uploaded) = (seen.round, seen.bricks_uploaded);
-                rounds.push(StreamingRound { round, ms: seen.ms, bricks_uploaded, error });
-            })?;
-            ended = Some(statistics);
+        let renderer = || -> Result<Renderer> {
+            Renderer::new(self.gpu, Plan::new(self.gpu, self.compiler, data, &work)?, data)
+        };
+        match renderer().and_then(|mut renderer| renderer.draw(0, &mut |_| {})) {
+            Err(Error { exit: Exit::Arguments | Exit::Input, message }) => {
+                return Ok(Streaming { rounds, converged: false, incomplete: Some(message) });
+            }
+            drawn => _ = drawn?,
         }
-        let Some(statistics) = ended else { unreachable!("drawn twice") };
+        let (_, statistics) = renderer()?.draw_watched(0, &mut |seen| {
+            let error = Figures::of_drawn(size, &seen.picture.pixels, &truth.rgba);
+            let (round, bricks_uploaded) = (seen.round, seen.bricks_uploaded);
+            rounds.push(StreamingRound { round, ms: seen.ms, bricks_uploaded, error });
+        })?;
         let (converged, incomplete) = (statistics.converged, incomplete(&statistics));
         Ok(Streaming { rounds, converged, incomplete })
     }

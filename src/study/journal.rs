@@ -52,7 +52,7 @@ pub enum Entry {
         /// Runs that count.
         repeats: u32,
         /// What came of it.
-        outcome: Box<Outcome>,
+        outcome: Outcome,
     },
     /// Refinement by substitution was measured.
     Streaming {

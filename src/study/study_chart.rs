@@ -55,12 +55,12 @@ pub fn streaming_svg(table: &StudyTable) -> String {
     for round in rounds {
         let rmse = round.error.whole.rmse.map(|rmse| rmse.max(1e-9));
         series.points.push((round.ms, rmse));
-        series.labels.push(round.round.to_string());
+        series.labels.push(round.bricks_uploaded.to_string());
     }
     let header = &table.header;
     let panel = Panel {
         title: format!(
-            "{}, view \"{}\", {} x {}, numbers: rounds",
+            "{}, view \"{}\", {} x {}; numbers: bricks on the device",
             header.scene, header.view, header.size[0], header.size[1]
         ),
         y_label: "RMSE over all pixels, linear rgb, peak 1".to_owned(),

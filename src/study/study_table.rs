@@ -122,7 +122,7 @@ impl StudyTable {
         let mut rows: Vec<Row> = Vec::new();
         for measured in found.settings {
             let (figures, refused) = match measured.outcome {
-                Outcome::Measured(figures) => (Some(figures), None),
+                Outcome::Measured(figures) => (Some(*figures), None),
                 Outcome::Refused(why) => (None, Some(why)),
             };
             rows.push(Row {
@@ -178,7 +178,7 @@ impl StudyTable {
         let mut text = String::from(
             "axis,integrator,step,tolerance,filter,early_stop,level_min,level_max,addressing,atlas_mib,\
              ms,ms_least,ms_most,wall_ms,wall_ms_least,wall_ms_most,gpu_ms,gpu_ms_least,gpu_ms_most,\
-             samples,rounds,bricks_needed,bricks_uploaded,bytes_uploaded,pareto,",
+             samples,rounds,bricks_needed,bricks_uploaded,bytes_uploaded,slots,pareto,",
         );
         text += FIGURE_NAMES;
         text += ",refused,incomplete\n";
@@ -211,6 +211,7 @@ impl StudyTable {
                 count(|m| m.bricks_needed),
                 count(|m| m.bricks_uploaded),
                 count(|m| m.bytes_uploaded),
+                count(|m| m.slots),
                 row.pareto.to_string(),
                 figure_values(m.map(|m| &m.error)),
                 quoted(row.refused.as_deref()),

@@ -240,7 +240,8 @@ impl Rounds<'_, '_> {
         // Free-running, rays use what is there while other slots are filled.
         let most = if lockstep { slots } else { (slots / 2).max(channels) };
         let live_max = if self.substitute() { slots } else { (slots / 2).max(channels) };
-        Allowance { grants_max: most.saturating_sub(held + bound), live_max }
+        let budget = self.renderer.plan.settings.paging.grants_per_round.unwrap_or(u32::MAX);
+        Allowance { grants_max: most.saturating_sub(held + bound).min(budget), live_max }
     }
 
     fn take_report(&mut self, point: TimePoint) -> Result<Report> {
