@@ -212,7 +212,7 @@ fn label(out: &mut String, style: usize, at: (f64, f64), words: &str, taken: &mu
     let places = [(7.0, -4.0), (7.0, 13.0), (-7.0 - wide, -4.0), (-7.0 - wide, 13.0)];
     for (dx, dy) in places {
         let (x, y) = (at.0 + dx, at.1 + dy);
-        let [left, top, right, bottom] = [x, y - high, x + wide, y];
+        let [left, top, right, bottom] = [x - 3.0, y - high, x + wide + 3.0, y];
         let meets = |other: &[f64; 4]| {
             left < other[2] && right > other[0] && top < other[3] && bottom > other[1]
         };
