@@ -7,7 +7,9 @@ mod truth;
 
 use std::path::Path;
 
+use ashfall::cli::read_exr;
 use ashfall::reference::{Truth, VolumeLevel};
+use ashfall::render::paging::{PagingSettings, RoundPicture};
 use ashfall::render::{Addressing, Settings};
 use ashfall::scene::{Integrator, Overrides, Quality};
 use ashfall::study::error_metrics::picture_error;
@@ -404,4 +406,48 @@ fn a_sweep_has_each_setting_once_and_says_so_in_words() {
             Overrides { integrator: Some(integrator.name().to_owned()), ..Overrides::default() };
         assert_eq!(Quality::of_flags(&flags).expect("its own name").integrator, integrator);
     }
+}
+
+/// Watching changes no bit of a picture; the last that is seen is the finished one.
+#[test]
+fn who_watches_rounds_sees_the_finished_picture_last() {
+    let Some(device) = Device::open() else { return };
+    let flags = Overrides { refine: Some("substitute".to_owned()), ..Overrides::default() };
+    let data = scene_data(SCENE, &flags);
+    let paging = PagingSettings { grants_per_round: Some(1), ..PagingSettings::default() };
+    let settings = Settings { addressing: Addressing::Paged, paging, ..Settings::default() };
+    let plain = device.draw_with(&data, 0, &settings);
+    let mut seen: Vec<RoundPicture> = Vec::new();
+    let mut renderer = device.renderer(&data, &settings);
+    let (picture, statistics) =
+        renderer.draw_watched(0, &mut |picture| seen.push(picture)).expect("drawn");
+    assert!(picture == plain.picture && statistics.converged);
+    assert_eq!(statistics.rounds, plain.statistics.rounds);
+    let rounds: Vec<u64> = seen.iter().map(|seen| seen.round).collect();
+    assert_eq!(rounds, (1..=statistics.rounds).collect::<Vec<_>>());
+    assert!(seen.last().is_some_and(|last| last.picture == picture));
+    let uploaded: Vec<u64> = seen.iter().map(|seen| seen.bricks_uploaded).collect();
+    assert!(uploaded.windows(2).all(|pair| pair[1] - pair[0] <= 1), "{uploaded:?}");
+    assert!(seen[0].picture != picture && seen.is_sorted_by(|a, b| a.ms <= b.ms));
+    drop(renderer);
+    device.finish();
+}
+
+#[test]
+fn the_reference_takes_a_level() {
+    let folder = Folder::new("study-reference");
+    let scene = folder.write("scene.toml", SCENE);
+    let integrate = |level: &str| {
+        let out = folder.path(&format!("{level}.exr"));
+        let words = ["--view", "corner", "--level", level, "--error-max", "1e-6", "-o"];
+        let mut arguments = vec!["reference".into(), scene.clone().into_os_string()];
+        arguments.extend(words.iter().map(Into::into));
+        arguments.push(out.clone().into_os_string());
+        let run = ashfall(arguments);
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        read_exr(&out).expect("a picture")
+    };
+    let [finest, coarser, beyond] = ["0", "1", "31"].map(integrate);
+    assert!(finest != coarser, "levels differ");
+    assert!(coarser == beyond, "the coarsest of two levels");
 }
