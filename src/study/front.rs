@@ -3,14 +3,25 @@
 
 use serde::Serialize;
 
-/// Which points (cost, error) no other beats: none has at most the cost and at most the error of such a
-/// point, and less of one. A point without both is never on the front.
+/// Part of its error by which a point of the front is nearer to the truth than every cheaper one: less is
+/// not worth a setting.
+pub const GAIN_MIN: f64 = 0.01;
+
+/// Which points (cost, error) are the Pareto front: each is nearer to the truth, by [`GAIN_MIN`], than
+/// all that cost no more. A point without both is never on it; of equals, the first is.
 pub fn pareto(points: &[Option<(f64, f64)>]) -> Vec<bool> {
-    let beats = |(cost, error): (f64, f64), than: (f64, f64)| {
-        cost <= than.0 && error <= than.1 && (cost < than.0 || error < than.1)
-    };
-    let unbeaten = |point: (f64, f64)| !points.iter().flatten().any(|other| beats(*other, point));
-    points.iter().map(|point| point.is_some_and(unbeaten)).collect()
+    let there = points.iter().enumerate().filter_map(|(i, point)| Some((i, (*point)?)));
+    let mut sorted: Vec<(usize, (f64, f64))> = there.collect();
+    sorted.sort_by(|(_, a), (_, b)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let mut on_front = vec![false; points.len()];
+    let mut least = f64::INFINITY;
+    for (index, (_, error)) in sorted {
+        if error < least * (1.0 - GAIN_MIN) {
+            on_front[index] = true;
+            least = error;
+        }
+    }
+    on_front
 }
 
 /// The index of the least cost among those that reach; of equals the first.
@@ -82,10 +93,14 @@ mod tests {
             Some((2.0, 0.01)),
             None,
             Some((3.0, 0.01)),
+            Some((5.0, 0.000_995)),
             Some((4.0, 0.001)),
             Some((4.0, 0.001)),
+            Some((6.0, 0.000_985)),
         ];
-        assert_eq!(pareto(&points), [true, false, true, false, false, true, true]);
+        let expected = [true, false, true, false, false, false, true, false, true];
+        assert_eq!(pareto(&points), expected, "half a percent is no gain, one and a half is");
+        assert_eq!(pareto(&[Some((1.0, 0.0)), Some((2.0, 0.0)), None]), [true, false, false]);
     }
 
     #[test]

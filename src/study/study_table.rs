@@ -46,7 +46,7 @@ pub struct Row {
     pub measured: Option<Measurement>,
     /// Why it was refused.
     pub refused: Option<String>,
-    /// Whether no other setting is both as fast and as near to the truth.
+    /// Whether it is nearer to the truth, by 1% of the RMSE at least, than all that cost no more.
     pub pareto: bool,
 }
 
@@ -241,7 +241,7 @@ impl StudyTable {
     pub fn text(&self) -> String {
         let Header { scene, view, size, device, driver, clock, repeats, .. } = &self.header;
         let mut text = format!(
-            "{scene}, view \"{view}\", {} x {}\n{device} ({driver})\nms: {clock} time, medians of {repeats}; *: no other is as fast and as near\n\n",
+            "{scene}, view \"{view}\", {} x {}\n{device} ({driver})\nms: {clock} time, medians of {repeats}; *: Pareto front\n\n",
             size[0], size[1]
         );
         let width = self.settings.iter().map(|row| row.key.chars().count()).max().unwrap_or(0);
