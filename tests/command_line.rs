@@ -10,7 +10,7 @@ use ashfall::render::Picture;
 use binary::{Folder, Run, ashfall};
 use serde_json::Value;
 
-const COMMANDS: [&str; 6] = ["render", "plan", "compare", "reference", "devices", "bench"];
+const COMMANDS: [&str; 7] = ["render", "plan", "compare", "reference", "devices", "study", "bench"];
 
 const SCENE: &str = r#"format = 1
 [picture]

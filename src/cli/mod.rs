@@ -22,6 +22,7 @@ mod reading;
 mod reference;
 mod render;
 mod scene_flags;
+mod study;
 mod trace_file;
 mod verify;
 
@@ -57,6 +58,7 @@ enum Command {
     Import(import::Arguments),
     Info(info::Arguments),
     Verify(verify::Arguments),
+    Study(Box<study::Arguments>),
     Bench(bench::Arguments),
 }
 
@@ -89,6 +91,7 @@ fn run(command: Command) -> Result<()> {
         Command::Import(arguments) => import::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
         Command::Verify(arguments) => verify::run(&arguments),
+        Command::Study(arguments) => study::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
     }
 }

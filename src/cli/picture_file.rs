@@ -9,7 +9,7 @@ use exr::prelude::{
 };
 
 use crate::error::{Error, Result};
-use crate::render::Picture;
+use crate::render::{Picture, srgb_byte};
 
 /// Writes a picture under a temporary name and renames it when whole; `.png` or `.exr` by the name.
 ///
@@ -130,14 +130,6 @@ fn png_bytes(picture: &Picture) -> std::result::Result<Vec<u8>, String> {
     writer.write_image_data(&bytes).map_err(|why| why.to_string())?;
     writer.finish().map_err(|why| why.to_string())?;
     Ok(out)
-}
-
-/// IEC 61966-2-1.
-fn srgb_byte(linear: f32) -> u8 {
-    let linear = f64::from(linear).clamp(0.0, 1.0);
-    let encoded =
-        if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
-    (encoded * 255.0).round() as u8
 }
 
 fn exr_bytes(picture: &Picture) -> std::result::Result<Vec<u8>, String> {

@@ -14,6 +14,16 @@ pub fn bricks(verb: &'static str) -> ProgressBar {
     bar(verb, "{msg} {wide_bar} {pos} of {len} bricks, {per_sec}, {eta} left")
 }
 
+/// A bar of settings measured of settings in all; silent where nobody watches.
+pub fn settings(verb: &'static str) -> ProgressBar {
+    bar(verb, "{msg} {wide_bar} {pos} of {len} settings, {per_sec}, {eta} left")
+}
+
+/// A bar of parts done; silent where nobody watches.
+pub fn parts(verb: &'static str) -> ProgressBar {
+    bar(verb, "{msg} {wide_bar} {percent}% in {elapsed}, {eta} left")
+}
+
 fn bar(what: &str, template: &str) -> ProgressBar {
     let bar = ProgressBar::new(0).with_message(what.to_owned());
     match ProgressStyle::with_template(template) {

@@ -140,6 +140,7 @@ impl WorkFlags {
             steps_per_dispatch: self.steps_per_dispatch,
             layout: self.layout,
             addressing: self.paging.addressing(),
+            level_min: 0,
             paging: self.paging.settings(),
         };
         settings.checked()

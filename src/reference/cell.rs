@@ -10,6 +10,9 @@ use crate::volume::{Size3, Voxels};
 pub struct Grid {
     /// Voxels along each axis.
     pub size: [i32; 3],
+    /// Where the volume ends, in voxels: at most `size`, since the outermost voxels of a coarse level
+    /// may reach beyond it.
+    pub extent: [f64; 3],
     strides: [usize; 3],
 }
 
@@ -17,11 +20,12 @@ pub struct Grid {
 pub type Corners = [usize; 8];
 
 impl Grid {
-    /// The grid of a volume.
-    pub fn new(size: Size3) -> Grid {
+    /// The grid of a volume, or of a level of it.
+    pub fn new(size: Size3, extent: [f64; 3]) -> Grid {
         let edges = size.to_array();
         Grid {
             size: edges.map(|edge| edge as i32),
+            extent,
             strides: [1, edges[0] as usize, edges[0] as usize * edges[1] as usize],
         }
     }
@@ -119,7 +123,7 @@ mod tests {
 
     #[test]
     fn corners_repeat_the_outermost_voxels() {
-        let grid = Grid::new(Size3::new(2, 3, 4));
+        let grid = Grid::new(Size3::new(2, 3, 4), [2.0, 3.0, 4.0]);
         assert_eq!(grid.corners([0, 0, 0]), [0, 1, 2, 3, 6, 7, 8, 9]);
         assert_eq!(grid.corners([-1, 2, 3]), [22, 22, 22, 22, 22, 22, 22, 22]);
     }

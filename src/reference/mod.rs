@@ -57,6 +57,17 @@ pub struct Picture {
     pub rgba: Vec<[f64; 4]>,
 }
 
+/// One level of a volume, integrated as if it were all there is.
+#[derive(Clone, Copy)]
+pub struct VolumeLevel<'a> {
+    /// What the scene says of the volume.
+    pub volume: &'a scene::Volume,
+    /// Voxels of the level in the scene's order of channels, and their transform.
+    pub voxels: &'a VolumeVoxels,
+    /// Where the volume ends, in voxels of this level: level 0's size over the level's scale.
+    pub extent_voxel: [f64; 3],
+}
+
 /// The integral of every pixel of one view, ready to be asked for.
 pub struct Truth<'a> {
     size: [u32; 2],
@@ -80,13 +91,34 @@ impl<'a> Truth<'a> {
         volumes: &[(&'a scene::Volume, &'a VolumeVoxels)],
         tolerance: f64,
     ) -> Truth<'a> {
+        let level_0 = |&(volume, voxels): &(&'a scene::Volume, &'a VolumeVoxels)| VolumeLevel {
+            volume,
+            voxels,
+            extent_voxel: voxels.size.to_array().map(f64::from),
+        };
+        let levels: Vec<_> = volumes.iter().map(level_0).collect();
+        Truth::of_levels(view, size, background, &levels, tolerance)
+    }
+
+    /// As [`Truth::new`], for one level of each volume: what a picture of that level alone
+    /// approximates, so that the error of its integration stands apart from that of its level.
+    ///
+    /// # Panics
+    /// As [`Truth::new`].
+    pub fn of_levels(
+        view: &View,
+        size: [u32; 2],
+        background: [f32; 3],
+        levels: &[VolumeLevel<'a>],
+        tolerance: f64,
+    ) -> Truth<'a> {
         let frame_world = view.ray_frame_world(size);
         Truth {
             size,
             background: background.map(f64::from),
-            frames_voxel: volumes.iter().map(|(_, v)| frame_voxel(&frame_world, v)).collect(),
+            frames_voxel: levels.iter().map(|l| frame_voxel(&frame_world, l.voxels)).collect(),
             frame_world,
-            volumes: volumes.iter().map(|(scene, voxels)| prepared(scene, voxels)).collect(),
+            volumes: levels.iter().map(prepared).collect(),
             tolerance: tolerance.max(1e-15),
         }
     }
@@ -171,7 +203,8 @@ fn frame_voxel(frame_world: &RayFrame, voxels: &VolumeVoxels) -> RayFrame {
     RayFrame { origin: frame_world.origin - corner_world, ..*frame_world }.mapped(&linear)
 }
 
-fn prepared<'a>(scene: &'a scene::Volume, voxels: &'a VolumeVoxels) -> Volume<'a> {
+fn prepared<'a>(level: &VolumeLevel<'a>) -> Volume<'a> {
+    let VolumeLevel { volume: scene, voxels, extent_voxel } = *level;
     assert_eq!(scene.channels.len(), voxels.channels.len(), "voxels for each channel of the scene");
     let channels = scene.channels.iter().zip(&voxels.channels).map(|(channel, values)| {
         let count = voxels.size.voxel_count();
@@ -181,5 +214,5 @@ fn prepared<'a>(scene: &'a scene::Volume, voxels: &'a VolumeVoxels) -> Volume<'a
             classifier: Classifier::new(channel, values.slope, values.intercept),
         }
     });
-    Volume { grid: Grid::new(voxels.size), channels: channels.collect() }
+    Volume { grid: Grid::new(voxels.size, extent_voxel), channels: channels.collect() }
 }

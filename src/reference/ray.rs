@@ -207,7 +207,7 @@ impl Walk {
         (self.origin, self.direction) = (origin, direction);
         (self.enter, self.exit) = (0.0, f64::INFINITY);
         for axis in 0..3 {
-            let (o, d, edge) = (origin[axis], direction[axis], f64::from(grid.size[axis]));
+            let (o, d, edge) = (origin[axis], direction[axis], grid.extent[axis]);
             if d == 0.0 {
                 if !(0.0..edge).contains(&o) {
                     self.exit = f64::NEG_INFINITY;

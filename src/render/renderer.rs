@@ -13,7 +13,7 @@ use crate::gpu::{
 };
 use crate::passes::march_shape::FilterShape;
 use crate::render::frame::{self, Tile};
-use crate::render::paging::{self, Paged};
+use crate::render::paging::{self, Paged, RoundPicture, Watch};
 use crate::render::plan::{DISPATCHES_PER_SUBMIT, Plan};
 use crate::render::scene_data::SceneData;
 use crate::render::statistics::{Statistics, peak_rss_bytes};
@@ -213,12 +213,34 @@ impl Renderer {
         view: usize,
         progress: &mut dyn FnMut(f64),
     ) -> Result<(Picture, Statistics)> {
+        self.draw_view(view, progress, None)
+    }
+
+    /// As [`Renderer::draw`]; `watch` is told the whole picture of every round, the last included, while
+    /// it is refined by substitution, if one tile holds it. In lockstep nothing goes on meanwhile.
+    ///
+    /// # Errors
+    /// As [`Renderer::draw`].
+    pub fn draw_watched(
+        &mut self,
+        view: usize,
+        watch: &mut dyn FnMut(RoundPicture),
+    ) -> Result<(Picture, Statistics)> {
+        self.draw_view(view, &mut |_| {}, Some(&mut Watch::new(watch)))
+    }
+
+    fn draw_view(
+        &mut self,
+        view: usize,
+        progress: &mut dyn FnMut(f64),
+        watch: Option<&mut Watch>,
+    ) -> Result<(Picture, Statistics)> {
         let start = Instant::now();
         let _view = self.span("view");
         if let Way::Paged(paged) = &mut self.way
             && let Some(mut paged) = paged.take()
         {
-            let drawn = self.draw_paged(&mut paged, view, progress);
+            let drawn = self.draw_paged(&mut paged, view, progress, watch);
             self.way = Way::Paged(Some(paged));
             return drawn;
         }
@@ -264,6 +286,7 @@ impl Renderer {
         paged: &mut Paged,
         view: usize,
         progress: &mut dyn FnMut(f64),
+        mut watch: Option<&mut Watch>,
     ) -> Result<(Picture, Statistics)> {
         let start = Instant::now();
         let mut statistics = Statistics {
@@ -283,7 +306,9 @@ impl Renderer {
             let epoch = paged.epoch;
             self.buffers.counters.write(0, &[0; 8])?;
             let mut part = |of_tile: f64| progress((number as f64 + of_tile) / tiles.len() as f64);
-            paging::draw(self, paged, *tile, &mut statistics, &mut records, &mut part)?;
+            let watch = watch.as_deref_mut().filter(|_| tiles.len() == 1);
+            let heard = (&mut part as &mut dyn FnMut(f64), watch);
+            paging::draw(self, paged, *tile, &mut statistics, &mut records, heard)?;
             if number > 0 && paged.epoch != epoch {
                 // Tiles of before show the source as it was.
                 number = 0;
@@ -320,7 +345,7 @@ impl Renderer {
     }
 
     /// Copies a finished tile into the picture and returns the samples it took.
-    fn collect(&self, tile: Tile, pixels: &mut [[f32; 4]]) -> Result<u64> {
+    pub(super) fn collect(&self, tile: Tile, pixels: &mut [[f32; 4]]) -> Result<u64> {
         let [tile_width, tile_height] = tile.size_pixel.map(|edge| edge as usize);
         let mut drawn = vec![[0.0f32; 4]; tile_width * tile_height];
         self.buffers.picture.read(0, bytemuck::cast_slice_mut(&mut drawn))?;

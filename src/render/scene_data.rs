@@ -88,6 +88,18 @@ impl SceneData {
         self.volumes[index].whole().map_err(|why| self.scene.volumes[index].at(why))
     }
 
+    /// All voxels of a level of a volume, if `ram_mib` allows for level 0.
+    ///
+    /// # Errors
+    /// As [`SceneData::whole`].
+    ///
+    /// # Panics
+    /// When there is no such level: our own bug.
+    pub fn level(&self, index: usize, level: u8) -> Result<Arc<VolumeVoxels>> {
+        self.check_memory_of(index)?;
+        self.volumes[index].level(level).map_err(|why| self.scene.volumes[index].at(why))
+    }
+
     /// The volume that is drawn and all its voxels.
     ///
     /// # Errors

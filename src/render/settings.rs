@@ -17,6 +17,9 @@ pub struct Settings {
     pub layout: LayoutChoice,
     /// How voxels are addressed.
     pub addressing: Addressing,
+    /// Finest level drawn where bricks are paged, whatever a pixel's footprint: for the study, which
+    /// takes levels one by one. Above 0 it changes the picture.
+    pub level_min: u8,
     /// How bricks are paged, where they are.
     pub paging: PagingSettings,
 }
@@ -47,6 +50,7 @@ impl Default for Settings {
             steps_per_dispatch: 4096,
             layout: LayoutChoice::Auto,
             addressing: Addressing::Auto,
+            level_min: 0,
             paging: PagingSettings::default(),
         }
     }

@@ -100,19 +100,50 @@ impl VolumeData {
             return Ok(whole.clone());
         }
         // Not within the lock: a thread of rayon's that waits here may take up a task that asks too.
-        let whole = Arc::new(self.gathered()?);
+        let whole = Arc::new(self.gathered(0)?);
         Ok(self.whole.get_or_init(|| whole).clone())
     }
 
-    fn gathered(&self) -> Result<VolumeVoxels> {
-        let size = self.source.description().size();
+    /// All voxels of a level of the shown channels, level 0 as [`VolumeData::whole`]. A coarser level
+    /// takes less memory, and is gathered each time.
+    ///
+    /// # Errors
+    /// As [`VolumeData::whole`].
+    ///
+    /// # Panics
+    /// When there is no such level: our own bug.
+    pub fn level(&self, level: u8) -> Result<Arc<VolumeVoxels>> {
+        if level == 0 { self.whole() } else { self.gathered(level).map(Arc::new) }
+    }
+
+    /// Where the volume ends, in voxels of a level: the outermost of them may reach beyond.
+    ///
+    /// # Panics
+    /// When there is no such level: our own bug.
+    pub fn extent_voxel(&self, level: u8) -> [f64; 3] {
+        let description = self.source.description();
+        let scale = description.levels.get(level).expect("a level that exists").scale;
+        let size = description.size().to_array();
+        std::array::from_fn(|axis| f64::from(size[axis]) / f64::from(scale[axis]))
+    }
+
+    fn gathered(&self, level: u8) -> Result<VolumeVoxels> {
+        let there = self.source.description().levels.get(level).expect("a level that exists");
         let channel = |(&number, channel): (&u16, &ChannelDescription)| -> Result<ChannelVoxels> {
-            let voxels = with_voxel_type!(channel.format, V => gather::<V>(&*self.source, number))?;
+            let source = &*self.source;
+            let voxels = with_voxel_type!(channel.format, V => gather::<V>(source, number, level))?;
             Ok(ChannelVoxels { voxels, slope: channel.slope, intercept: channel.intercept })
         };
         let channels =
             self.channels.iter().zip(self.shown()).map(channel).collect::<Result<_>>()?;
-        Ok(VolumeVoxels { size, world_from_voxel: self.world_from_voxel, channels })
+        let rows = self.world_from_voxel.rows().map(|row| {
+            let scaled =
+                |axis: usize| row[axis] * there.scale.get(axis).map_or(1.0, |s| f64::from(*s));
+            std::array::from_fn(scaled)
+        });
+        let world_from_voxel =
+            if level == 0 { self.world_from_voxel } else { WorldFromVoxel::from_rows(rows)? };
+        Ok(VolumeVoxels { size: there.size, world_from_voxel, channels })
     }
 }
 
@@ -140,10 +171,11 @@ pub fn check_memory(
     )))
 }
 
-/// Level 0 of one channel out of its bricks. Reading and unpacking is shared among threads.
-fn gather<V: Voxel>(source: &dyn BrickSource, channel: u16) -> Result<Voxels> {
+/// A level of one channel out of its bricks. Reading and unpacking is shared among threads.
+fn gather<V: Voxel>(source: &dyn BrickSource, channel: u16, level: u8) -> Result<Voxels> {
     let description = source.description();
-    let size = description.size();
+    let grid = description.grid(level).expect("a level that exists");
+    let size = grid.size;
     let refuse = || {
         let (name, bytes) = (&description.name, size.voxel_count() * size_of::<V>() as u128);
         Error::machine(format!(
@@ -156,12 +188,12 @@ fn gather<V: Voxel>(source: &dyn BrickSource, channel: u16) -> Result<Voxels> {
     whole.try_reserve_exact(len).map_err(|_| refuse())?;
     whole.resize(len, V::zeroed());
     let shared = Mutex::new(&mut whole);
-    let bricks = description.grid(0).expect("there is a level 0").bricks();
+    let bricks = grid.bricks();
     (0..bricks.y as usize * bricks.z as usize).into_par_iter().try_for_each(|row| {
         let (y, z) = ((row % bricks.y as usize) as u32, (row / bricks.y as usize) as u32);
         let mut bytes = Vec::new();
         (0..bricks.x).try_for_each(|x| {
-            let id = BrickId { volume: 0, channel, level: 0, x, y, z };
+            let id = BrickId { volume: 0, channel, level, x, y, z };
             read_checked(source, id, &mut bytes)?;
             let (payload, stored) = description.brick(id);
             let mut whole = shared.lock().expect("placing does not panic");

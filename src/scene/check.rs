@@ -54,6 +54,17 @@ impl Scene {
     }
 }
 
+impl Quality {
+    /// What a scene has that says nothing of quality, with these flags.
+    ///
+    /// # Errors
+    /// Exit code 2 at a flag, with the remedy.
+    pub fn of_flags(overrides: &Overrides) -> Result<Quality> {
+        let check = Check { path: Path::new(""), text: "" };
+        check.quality(super::file::QualityFile::default(), overrides)
+    }
+}
+
 /// A value and where it was said.
 struct Located<T> {
     value: T,

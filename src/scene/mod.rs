@@ -94,6 +94,13 @@ impl Integrator {
             Integrator::Preintegrated => "preintegrated",
         }
     }
+
+    /// Whether it works to a tolerance, which a study then sweeps in place of the step.
+    pub const fn has_tolerance(self) -> bool {
+        match self {
+            Integrator::Riemann | Integrator::Preintegrated => false,
+        }
+    }
 }
 
 /// How values between voxels are found.
@@ -138,6 +145,16 @@ pub struct Volume {
     pub channels: Vec<Channel>,
     /// Where the scene names the source, for messages about it.
     pub place: Place,
+}
+
+impl Filter {
+    /// The word in scenes and flags.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Filter::Exact => "exact",
+            Filter::Hardware => "hardware",
+        }
+    }
 }
 
 impl Volume {

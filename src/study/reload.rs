@@ -188,7 +188,8 @@ fn never_ends(statistics: &Statistics) -> Option<String> {
     (!statistics.converged).then(|| why.unwrap_or_else(unknown))
 }
 
-fn slots_of(plan: &Plan, data: &SceneData) -> u64 {
+/// Slots of all atlases of a plan together.
+pub(super) fn slots_of(plan: &Plan, data: &SceneData) -> u64 {
     let description = data.volumes[0].source.description();
     let (_, slot) = description.brick(description.brick_largest());
     let slot = slot.to_array();

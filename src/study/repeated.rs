@@ -1,13 +1,13 @@
 //! Repeated measurements as one figure, and whose time they count.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::study::clock::{Clock, median};
 
 /// The middle of several repetitions, and how far they lie apart.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
     /// The middle one; of an even number, the lower.
     pub median: f64,

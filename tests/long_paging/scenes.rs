@@ -181,6 +181,7 @@ pub fn settings(chance: &mut Chance, patience: Duration) -> Settings {
         steps_per_dispatch: chance.one(&[32, 512, 4096]),
         layout: chance.one(&[LayoutChoice::Auto, LayoutChoice::Only(Layout::Plain)]),
         addressing: Addressing::Paged,
+        level_min: 0,
         paging,
     }
 }

@@ -178,7 +178,7 @@ fn chart(table: &ReloadTable) -> String {
                     .filter(|row| row.order == name)
                     .map(|row| (row.slots as f64, value(row).filter(|_| row.converged)))
                     .collect();
-                Series { name, points }
+                Series { name, points, ..Series::default() }
             };
             let orders = [LoadOrder::Guarded, LoadOrder::Papers];
             let series = orders.map(of_order).into_iter().filter(|s| !s.points.is_empty());
@@ -186,6 +186,7 @@ fn chart(table: &ReloadTable) -> String {
                 title: (*scene).to_owned(),
                 y_label: label.to_owned(),
                 series: series.collect(),
+                ..Panel::default()
             });
         }
     }

@@ -28,5 +28,6 @@ pub(crate) use paged::StagedBrick;
 pub(crate) use placing::Placing;
 pub(super) use placing::slots_by_atlas;
 pub(super) use plan::PagingPlan;
-pub(super) use rounds::draw;
+pub use rounds::RoundPicture;
+pub(super) use rounds::{Watch, draw};
 pub(super) use view_levels::longest_diagonal_world;

@@ -102,7 +102,7 @@ impl PagingPlan {
         let stored = atlases.plans.iter().all(|atlas| atlas.layout.spec.stored);
         let copy_path = if stored { CopyPath::Placed } else { CopyPath::Straight };
         let world_from_voxel = data.world_from_voxel(0);
-        let quality = (scene.quality.sample_edges(), scene.quality.level_max);
+        let quality = (scene.quality.sample_edges(), settings.level_min, scene.quality.level_max);
         if preintegrated {
             check_spans(&scene.quality, &world_from_voxel)?;
         }

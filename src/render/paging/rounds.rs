@@ -11,7 +11,7 @@ use crate::render::frame::Tile;
 use crate::render::paging::paged::Paged;
 use crate::render::paging::round::{Round, annotate_grants};
 use crate::render::plan::Plan;
-use crate::render::renderer::Renderer;
+use crate::render::renderer::{Picture, Renderer};
 use crate::render::statistics::{Statistics, Unfinished};
 use crate::residency::{Allowance, Report};
 use crate::twins::cache::Progress;
@@ -33,7 +33,7 @@ pub fn draw(
     tile: Tile,
     statistics: &mut Statistics,
     records: &mut Vec<Record>,
-    progress: &mut dyn FnMut(f64),
+    (progress, watch): (&mut dyn FnMut(f64), Option<&mut Watch>),
 ) -> Result<()> {
     let mut rounds = Rounds {
         renderer,
@@ -41,6 +41,7 @@ pub fn draw(
         tile,
         statistics,
         records,
+        watch,
         forget: true,
         still: 0,
         restless: 0,
@@ -55,12 +56,43 @@ pub fn draw(
     rounds.ended(submitted)
 }
 
-struct Rounds<'a> {
+/// A whole picture while it is refined by substitution.
+pub struct RoundPicture {
+    /// Number of the round, from 1.
+    pub round: u64,
+    /// Milliseconds on the wall from the view's beginning to the round's end.
+    pub ms: f64,
+    /// Bricks copied to the device before this round.
+    pub bricks_uploaded: u64,
+    /// What the round gave.
+    pub picture: Picture,
+}
+
+/// Who looks at the pictures of rounds, and how long looking took.
+pub struct Watch<'w> {
+    begun: Instant,
+    watching: Duration,
+    tell: &'w mut dyn FnMut(RoundPicture),
+}
+
+impl<'w> Watch<'w> {
+    /// From now on.
+    pub fn new(tell: &'w mut dyn FnMut(RoundPicture)) -> Watch<'w> {
+        Watch { begun: Instant::now(), watching: Duration::ZERO, tell }
+    }
+
+    fn ms(&self) -> f64 {
+        self.begun.elapsed().saturating_sub(self.watching).as_secs_f64() * 1e3
+    }
+}
+
+struct Rounds<'a, 'w> {
     renderer: &'a Renderer,
     paged: &'a mut Paged,
     tile: Tile,
     statistics: &'a mut Statistics,
     records: &'a mut Vec<Record>,
+    watch: Option<&'a mut Watch<'w>>,
     forget: bool,
     still: u32,
     restless: u32,
@@ -73,7 +105,7 @@ struct Rounds<'a> {
     progressed: Instant,
 }
 
-impl Rounds<'_> {
+impl Rounds<'_, '_> {
     fn turn(&mut self, progress: &mut dyn FnMut(f64)) -> Result<()> {
         let plan = &self.renderer.plan;
         let substitute = self.substitute();
@@ -105,6 +137,9 @@ impl Rounds<'_> {
             let report = self.take_report(point)?;
             self.statistics.rounds += 1;
             self.show_progress(&report, progress);
+            if substitute {
+                self.show_picture()?;
+            }
             if self.is_finished(&report, substitute) {
                 if recoveries == RECOVERIES_MAX || !self.source_recovers()? {
                     return Ok(());
@@ -205,7 +240,8 @@ impl Rounds<'_> {
         // Free-running, rays use what is there while other slots are filled.
         let most = if lockstep { slots } else { (slots / 2).max(channels) };
         let live_max = if self.substitute() { slots } else { (slots / 2).max(channels) };
-        Allowance { grants_max: most.saturating_sub(held + bound), live_max }
+        let budget = self.renderer.plan.settings.paging.grants_per_round.unwrap_or(u32::MAX);
+        Allowance { grants_max: most.saturating_sub(held + bound).min(budget), live_max }
     }
 
     fn take_report(&mut self, point: TimePoint) -> Result<Report> {
@@ -382,6 +418,27 @@ impl Rounds<'_> {
         }
         let ranks = self.paged.plan.views[self.tile.view as usize].ranks;
         progress(f64::from(self.farthest) / f64::from(ranks));
+    }
+
+    /// Hands a round's picture to who watches. What that takes is no part of the loop's time.
+    fn show_picture(&mut self) -> Result<()> {
+        let ms = match &self.watch {
+            Some(watch) => watch.ms(),
+            None => return Ok(()),
+        };
+        let begun = Instant::now();
+        let submitted = self.renderer.submit_resolve(self.paged, self.tile)?;
+        self.ended(submitted)?;
+        let size = self.renderer.plan.picture;
+        let mut pixels = vec![[0.0; 4]; size[0] as usize * size[1] as usize];
+        self.renderer.collect(self.tile, &mut pixels)?;
+        if let Some(watch) = &mut self.watch {
+            let (round, uploaded) = (self.statistics.rounds, self.paged.host.counts.uploaded);
+            let picture = Picture { size, pixels };
+            (watch.tell)(RoundPicture { round, ms, bricks_uploaded: uploaded, picture });
+            watch.watching += begun.elapsed();
+        }
+        Ok(())
     }
 
     fn ended(&mut self, submitted: Submitted) -> Result<()> {

@@ -51,6 +51,9 @@ pub struct PagingSettings {
     /// Whether rays mark the slots that they use. Off for `bench overhead` alone, where all fits: without
     /// marks nobody knows which slot is least recently used.
     pub marks: bool,
+    /// Slots that one round grants of each atlas at most; nothing: as many as there are. For substitution,
+    /// which then shows more of its way; `exact` needs those of one place at once.
+    pub grants_per_round: Option<u32>,
     /// Which bricks are loaded first.
     pub order: LoadOrder,
     /// Whether the records of all submits are kept, with what they do to slots: for the simulation of
@@ -71,6 +74,7 @@ impl Default for PagingSettings {
             lockstep: true,
             show_states: false,
             marks: true,
+            grants_per_round: None,
             order: LoadOrder::Guarded,
             keep_records: false,
             patience: Duration::from_secs(30),

@@ -28,15 +28,15 @@ const FAR: f64 = 1e300;
 impl ViewLevels {
     /// The levels of `description`, placed in the world by `world_from_voxel`, in a picture of `size`
     /// pixels. A level is in use from where its voxels are no larger than a pixel to where the next
-    /// coarser one's are; `level_max` is the coarsest allowed. `step`: greatest distance of two
-    /// samples in smallest voxel edges of the level.
+    /// coarser one's are; `level_min` is the finest and `level_max` the coarsest allowed. `step`:
+    /// greatest distance of two samples in smallest voxel edges of the level.
     pub fn new(
         view: &View,
         size: [u32; 2],
         description: &Description,
         world_from_voxel: &WorldFromVoxel,
         numbers: &BrickNumbers,
-        (step, level_max): (f64, Option<u8>),
+        (step, level_min, level_max): (f64, u8, Option<u8>),
     ) -> ViewLevels {
         let frame = view.ray_frame_world(size);
         let spacing = world_from_voxel.spacing().to_array();
@@ -46,6 +46,7 @@ impl ViewLevels {
             (0..3).map(|axis| spacing[axis] * f64::from(scale[axis])).fold(FAR, f64::min)
         };
         let coarsest = level_max.map_or(all.len() - 1, |most| usize::from(most).min(all.len() - 1));
+        let finest = usize::from(level_min).min(coarsest);
         let parallel = matches!(view.projection, Projection::Orthographic { .. });
         // Of a pixel, world: where rays are parallel everywhere, else at ray parameter 1.
         let footprint = match parallel {
@@ -53,7 +54,7 @@ impl ViewLevels {
             false => frame.direction_column.length().min(frame.direction_row.length()),
         };
         let begins_at = |level: usize| match (level, parallel) {
-            (0, _) => 0.0,
+            (level, _) if level <= finest => 0.0,
             (_, true) if edge(level) <= footprint => 0.0,
             (_, true) => FAR,
             (_, false) => edge(level) / footprint,
