@@ -17,8 +17,9 @@
 //          SUBSTITUTE: a ray takes a coarser level for a missing brick and does not wait;
 //          WEIGHTS: rays say how much a wish is worth, and not what they need beside it;
 //          UNMARKED: slots that a ray uses are not marked, for a bench; exact refinement alone;
-//          SHOW_STATES: what a ray met is remembered; EARLY_STOP; PREINTEGRATED and SPAN_CHANNELS as
-//          common/ray_march.glsl; as common/ranks.glsl and common/classify.glsl
+//          SHOW_STATES: what a ray met is remembered; EARLY_STOP; PREINTEGRATED: a sample is two spans,
+//          between its place and half a step before and after it; SPAN_CHANNELS: one SPAN_ call per
+//          channel; as common/ranks.glsl and common/classify.glsl
 // source   DESIGN section 5. A sample's brick, value and weight depend on its number alone: a ray that
 //          waits and goes on gets the same bits, and so does one that skips what is hidden
 #include "common/fixed_point.glsl"
