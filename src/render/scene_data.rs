@@ -72,8 +72,8 @@ impl SceneData {
     fn check_memory_of(&self, index: usize) -> Result<()> {
         let volume = &self.scene.volumes[index];
         let remedy = match volume.source {
-            Source::Computed { .. } => "lower size or raise --ram-mib (paging is not built yet)",
-            Source::File { .. } => "raise --ram-mib (paging is not built yet)",
+            Source::Computed { .. } => "lower size or raise --ram-mib",
+            Source::File { .. } => "raise --ram-mib",
         };
         let checked = self.volumes[index].check_memory(self.scene.memory.ram_mib, remedy);
         checked.map_err(|why| volume.at(why))
