@@ -3,6 +3,7 @@
 //
 // binds    transfer  [segment]  transfer functions of all channels, one after another
 //          channels  [image]    voxels with an apron of one on every side; absent when every channel is constant
+//          macrocells  [image]  codes; MACROCELLS alone
 // spaces   voxels (centre origin): block anchors in fixed point, samples in f32 from the anchor
 // variants LOAD_CHANNELS, SAMPLE_CHANNELS: one LOAD_ and one SAMPLE_ call per channel;
 //          SEGMENTS_TOTAL: of all channels, or TRANSFER_SEARCH and SEARCH_STEPS where they are too
@@ -10,7 +11,9 @@
 //          IMAGES: how many channels have an image;
 //          FILTER_SAMPLER, FILTER_FETCH or FILTER_QUADS; EARLY_STOP; NAN_VOXELS; SEVERAL_CHANNELS;
 //          PREINTEGRATED: a sample is two spans, between its place and half a step before and after it;
-//          SPAN_CHANNELS: one SPAN_ call per channel
+//          SPAN_CHANNELS: one SPAN_ call per channel;
+//          MACROCELLS: samples in macrocells that show nothing are left out, which changes no bit;
+//          ADAPTIVE: samples stand for as many steps as their macrocells allow
 // source   emission and absorption, midpoint rule; weights 1 - exp(-sigma h) as in
 //          residency-octree-2023 section 6; blocks keep sums short and positions exact;
 //          PREINTEGRATED as common/preintegrate.glsl
@@ -26,6 +29,9 @@
 #define MAY_BE_ABSENT false
 #endif
 #include "common/preintegrate.glsl"
+#endif
+#ifdef MACROCELLS
+#include "common/macrocells.glsl"
 #endif
 
 #ifdef IMAGES
@@ -64,6 +70,23 @@ uniform sampler3D channels[IMAGES];
     }
 #endif
 
+// Points of a block's samples: a sample's place, or start, middle and end of its two spans.
+#ifdef PREINTEGRATED
+#define POINTS_OF(samples) (2u * (samples) + 1u)
+#define STEPS_TO(point) (0.5 * float(point) - 0.5)
+// The first sample that has the point, and the one after the last that has one before `end`.
+#define FIRST_WITH(point) ((max(point, 1u) - 1u) / 2u)
+#define LAST_WITH(end) (min(((end) - 1u) / 2u + 1u, samples))
+// Samples whose every point comes before `end`.
+#define ENDED_BEFORE(end) (((end) - 1u) / 2u)
+#else
+#define POINTS_OF(samples) (samples)
+#define STEPS_TO(point) (float(point))
+#define FIRST_WITH(point) (point)
+#define LAST_WITH(end) (end)
+#define ENDED_BEFORE(end) (end)
+#endif
+
 // Takes up to blocks_max blocks of samples; ends early, where the variant may, once less than
 // early_stop is transmitted.
 void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, float early_stop) {
@@ -71,20 +94,72 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
     Fixed3 delta = Fixed3(geometry.delta_cell, geometry.delta_fraction);
     vec3 step_voxel = fixed_float(delta);
     LOAD_CHANNELS
+#ifdef MACROCELLS
+    vec3 still = vec3(equal(step_voxel, vec3(0.0)));
+    vec3 per_point = (1.0 - still) / (STEPS_TO(1u) - STEPS_TO(0u)) / (step_voxel + still);
+#endif
 
     for (uint turn = 0u; turn < blocks_max && state.next_sample < geometry.sample_count; ++turn) {
         Fixed3 anchor = fixed_advance(start, delta, state.next_sample);
         vec3 anchor_fraction = fixed_fraction(anchor.fraction);
         uint samples = min(BLOCK_SAMPLES, geometry.sample_count - state.next_sample);
         Block block = Block(vec3(0.0), 0.0, 1.0);
-#ifdef PREINTEGRATED
-        uint points = 2u * samples + 1u;
+        uint taken = samples;
+        uint skipped = samples;
+#ifdef MACROCELLS
+        uint shown = 0u;
+#ifdef ADAPTIVE
+        uint may[OCTAVES_MAX] = uint[](0u, 0u, 0u, 0u, 0u);
+#endif
+        // A sample that shows something anywhere is one: of two spans, at its start, middle or end.
+        uint points = POINTS_OF(samples);
+        uint known = 0u;
+        while (known < points) {
+            vec3 position = anchor_fraction + STEPS_TO(known) * step_voxel;
+            Macrocell here = macrocell_at(position, per_point, anchor.cell);
+            bool shows = here.code >= CODE_SHOWS;
+            uint end = known + here.points;
+            end = shows ? min(end, points) : end;
+            uint bits = bits_between(FIRST_WITH(known), LAST_WITH(min(end, points)));
+            shown |= shows ? bits : 0u;
+#ifdef ADAPTIVE
+            uint octaves = shows ? octaves_of(here.code, state.optical_depth) : OCTAVES_MAX;
+            [[unroll]] for (uint octave = 0u; octave < OCTAVES_MAX; ++octave) {
+                may[octave] |= octaves > octave ? bits : 0u;
+            }
+#endif
+            known = end;
+        }
+        // Nothing is seen as far as is known.
+        skipped = max(samples, ENDED_BEFORE(known) / BLOCK_SAMPLES * BLOCK_SAMPLES);
+#endif
+#if defined(PREINTEGRATED)
+#ifndef MACROCELLS
+        uint shown = 0xffffffffu >> (32u - samples);
+#endif
+        uint phase = 0u;  // point of the sample: its start, middle, end
+        bool rests = false;
         float length_world = 0.0;
-        for (uint index = 0u; index < points; ++index) {
-            vec3 position = anchor_fraction + (0.5 * float(index) - 0.5) * step_voxel;
+        taken = 0u;
+        while (shown != 0u) {
+            uint index = uint(findLSB(shown));
+            vec3 position = anchor_fraction + STEPS_TO(2u * index + phase) * step_voxel;
+#elif defined(ADAPTIVE)
+        Steps steps = longest_steps(samples, shown, may);
+        taken = uint(bitCount(steps.starts));
+        while (steps.starts != 0u) {
+            uint index = uint(findLSB(steps.starts));
+            uint octave = bit_of(steps.octave_bits[0], index)
+                + 2u * bit_of(steps.octave_bits[1], index) + 4u * bit_of(steps.octave_bits[2], index);
+            float length = float(1u << octave);
+            vec3 position = anchor_fraction + (float(index) + 0.5 * length - 0.5) * step_voxel;
+#elif defined(MACROCELLS)
+        taken = uint(bitCount(shown));
+        while (shown != 0u) {
+            uint index = uint(findLSB(shown));
+            vec3 position = anchor_fraction + float(index) * step_voxel;
 #else
-        uint points = samples;
-        for (uint index = 0u; index < points; ++index) {
+        for (uint index = 0u; index < samples; ++index) {
             vec3 position = anchor_fraction + float(index) * step_voxel;
 #endif
             vec3 cell = floor(position);
@@ -92,31 +167,46 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
             ivec3 corner = anchor.cell + ivec3(cell) + 1;
 #ifdef PREINTEGRATED
             SAMPLE_CHANNELS
-            bool pair_middle = (index & 1u) != 0u;
-            bool pair_ends = index != 0u && !pair_middle;
+            bool pair_middle = phase == 1u;
+            bool pair_ends = phase == 2u;
             // Before the third point there is no span.
-            length_world = index < 2u ? 0.0 : 0.5 * geometry.step_world;
+            length_world = pair_ends || rests ? 0.5 * geometry.step_world : 0.0;
+            rests = pair_ends;
             SPAN_SUM
             SPAN_CHANNELS
             SPAN_SUM_END
+            ++taken;
+            shown = pair_ends ? shown & (shown - 1u) : shown;
+            // The end of a sample is the start of the next.
+            bool next = (shown & (2u << index)) != 0u;
+            phase = pair_ends ? (next ? 1u : 0u) : phase + 1u;
 #else
             Medium medium = Medium(vec3(0.0), 0.0);
             SAMPLE_CHANNELS
+#ifdef ADAPTIVE
+            composite(block, medium, length * geometry.step_world);
+            steps.starts &= steps.starts - 1u;
+#else
             composite(block, medium, geometry.step_world);
+#ifdef MACROCELLS
+            shown &= shown - 1u;
+#endif
+#endif
 #endif
         }
 #ifdef PREINTEGRATED
         {
             bool pair_middle = false;
             bool pair_ends = false;
+            length_world = rests ? 0.5 * geometry.step_world : 0.0;
             SPAN_SUM
             SPAN_CHANNELS
             SPAN_SUM_END
         }
 #endif
         join_block(state, block);
-        state.samples_taken += points;
-        state.next_sample += samples;
+        state.samples_taken += taken;
+        state.next_sample = min(geometry.sample_count, state.next_sample + skipped);
 #ifdef EARLY_STOP
         if (attenuate(state.optical_depth).transmitted < early_stop) {
             state.next_sample = geometry.sample_count;

@@ -42,6 +42,17 @@ impl FilterShape {
     }
 }
 
+/// What rays do with macrocells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum MacrocellUse {
+    /// Nothing.
+    Unused,
+    /// Samples in those that show nothing are left out.
+    Skipping,
+    /// That, and steps are as long as they allow.
+    Adaptive,
+}
+
 /// Segments of one channel that are selected from; more are searched.
 const SELECTED_SEGMENTS_MAX: u32 = 24;
 /// 16 KiB of 48 bytes each: what a uniform buffer holds on every device.
@@ -60,6 +71,8 @@ pub struct Shape {
     pub nan_voxels: bool,
     /// Whether a sample is integrated as two spans, [`crate::twins::preintegrate`]; else at its place.
     pub preintegrated: bool,
+    /// Where rays sample at all.
+    pub macrocells: MacrocellUse,
 }
 
 impl Shape {
@@ -80,10 +93,12 @@ impl Shape {
     pub fn turns_of_block(&self) -> u32 {
         let most = self.channels.iter().map(|channel| channel.segments());
         let searched: u32 = if self.searches() { most.sum() } else { 0 };
-        match self.preintegrated {
-            true => 1 + (3 * BLOCK_SAMPLES + 2) * (1 + searched),
-            false => 1 + BLOCK_SAMPLES,
-        }
+        let (points, samples) = match self.preintegrated {
+            true => (2 * BLOCK_SAMPLES + 2, (3 * BLOCK_SAMPLES + 2) * (1 + searched)),
+            false => (BLOCK_SAMPLES + 1, BLOCK_SAMPLES),
+        };
+        let points = if self.macrocells == MacrocellUse::Unused { 0 } else { points };
+        1 + points + samples
     }
 
     /// A variant of `shader`, which includes `common/ray_march.glsl`, in this shape.
@@ -148,6 +163,8 @@ impl Shape {
             ("NAN_VOXELS", self.nan_voxels),
             ("SEVERAL_CHANNELS", self.channels.len() > 1),
             ("PREINTEGRATED", self.preintegrated),
+            ("MACROCELLS", self.macrocells != MacrocellUse::Unused),
+            ("ADAPTIVE", self.macrocells == MacrocellUse::Adaptive),
         ];
         let defined = flags.iter().filter(|(_, defined)| *defined);
         defined.fold(variant, |variant, (name, _)| variant.define(*name, 1))
@@ -170,6 +187,8 @@ pub struct SceneResources<'r> {
     pub transfer: &'r Buffer,
     /// One per channel that has an image.
     pub channels: &'r [Image],
+    /// Codes of macrocells, where rays read them.
+    pub macrocells: Option<&'r Image>,
     /// For every image.
     pub sampler: Option<&'r Sampler>,
 }
@@ -190,7 +209,11 @@ impl<'r> SceneResources<'r> {
         match self.sampler {
             Some(sampler) => {
                 let images: Vec<_> = self.channels.iter().map(|image| (image, sampler)).collect();
-                dispatch.sample("channels", &images)
+                let dispatch = dispatch.sample("channels", &images);
+                match self.macrocells {
+                    Some(macrocells) => dispatch.sample("macrocells", &[(macrocells, sampler)]),
+                    None => dispatch,
+                }
             }
             None => dispatch,
         }

@@ -13,6 +13,7 @@ pub static SOURCES: &ShaderSources = &[
     ("common/ray.glsl", include_str!("../../shaders/common/ray.glsl")),
     ("common/ray_setup.glsl", include_str!("../../shaders/common/ray_setup.glsl")),
     ("common/ray_march.glsl", include_str!("../../shaders/common/ray_march.glsl")),
+    ("common/macrocells.glsl", include_str!("../../shaders/common/macrocells.glsl")),
     ("common/preintegrate.glsl", include_str!("../../shaders/common/preintegrate.glsl")),
     ("common/ray_resolve.glsl", include_str!("../../shaders/common/ray_resolve.glsl")),
     ("common/fixed_point.glsl", include_str!("../../shaders/common/fixed_point.glsl")),

@@ -155,6 +155,7 @@ impl Renderer {
         SceneResources {
             transfer: &self.buffers.transfer,
             channels: &self.channels,
+            macrocells: self.macrocells.as_ref(),
             sampler: self.sampler.as_ref(),
         }
     }

@@ -5,6 +5,7 @@
 
 mod frame;
 mod image_layout;
+mod macrocells;
 pub mod paging;
 mod plan;
 mod plan_images;

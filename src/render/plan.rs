@@ -8,9 +8,10 @@ use serde::Serialize;
 use crate::error::{Error, Result};
 use crate::gpu::{BufferSpec, Gpu, Image, ImageSpec, ObjectKind, Shader, ShaderCompiler, Variant};
 use crate::passes::cache_buffers::RankOrder;
-use crate::passes::march_shape::{ChannelShape, FilterShape, Shape};
+use crate::passes::march_shape::{ChannelShape, FilterShape, MacrocellUse, Shape};
 use crate::passes::{cast, rays, resolve};
 use crate::render::image_layout::TexelLayout;
+use crate::render::macrocells::PlannedMacrocells;
 use crate::render::paging::{PagingPlan, longest_diagonal_world};
 use crate::render::plan_images::{ChannelFacts, plan_images};
 use crate::render::plan_objects::{copies_of, objects, plan_buffers, planned_buffers, queues_text};
@@ -59,8 +60,8 @@ pub struct PlannedImage {
     pub memory_bytes: u64,
     #[serde(skip)]
     pub(super) spec: ImageSpec,
-    /// Which channel of the scene it holds.
-    pub channel: usize,
+    /// Which channel of the scene it holds, or which atlas it is; nothing: it holds no voxels.
+    pub channel: Option<usize>,
 }
 
 /// A pass and its shader variant.
@@ -121,6 +122,8 @@ pub struct Plan {
     pub memory_bytes: u64,
     /// What the scene does not need, and why.
     pub left_out: Vec<(String, String)>,
+    /// What rays read of macrocells; nothing where they read none.
+    pub macrocells: Option<PlannedMacrocells>,
     #[serde(skip)]
     pub(super) texel_layouts: Vec<Option<TexelLayout>>,
     #[serde(skip)]
@@ -154,7 +157,8 @@ impl Plan {
         let mut left_out = LeftOut::default();
         let preintegrated = scene.quality.integrator == Integrator::Preintegrated;
 
-        let (images, texel_layouts) = plan_images(gpu, data, &facts, settings)?;
+        let (mut images, texel_layouts) = plan_images(gpu, data, &facts, settings)?;
+        let atlas_bytes = images.iter().map(|image| image.memory_bytes).sum();
         let mut segments = Vec::new();
         let mut channels = Vec::new();
         for (index, (channel, facts)) in volume.channels.iter().zip(&facts).enumerate() {
@@ -181,17 +185,37 @@ impl Plan {
         }
         let homogeneous = images.is_empty();
         let filter = texel_layouts.iter().flatten().next();
-        let shape = Shape {
+        let mut shape = Shape {
             channels,
             filter: filter.map_or(FilterShape::Fetch, |l| l.filter_shape(scene.quality.filter)),
             early_stop: scene.quality.early_stop > 0.0 && !homogeneous,
             nan_voxels: facts.iter().any(|facts| facts.nan_count > 0),
             preintegrated: preintegrated && !homogeneous,
+            macrocells: MacrocellUse::Unused,
         };
+        let macrocells = PlannedMacrocells::new(data, &texel_layouts, settings)?;
+        if let Some(planned) = &macrocells {
+            shape.macrocells = match planned.step_edges {
+                Some(_) => MacrocellUse::Adaptive,
+                None => MacrocellUse::Skipping,
+            };
+            images.push(planned.image(gpu));
+        }
         left_out.of_shape(&shape, scene.quality.early_stop, homogeneous);
+        if shape.macrocells == MacrocellUse::Unused && !homogeneous {
+            let why = match settings.paging.skipping {
+                true => "too few of them show nothing",
+                false => "--no-skipping",
+            };
+            left_out.add("macrocells", why);
+        }
 
         let step_world = (!homogeneous)
-            .then(|| scene.quality.sample_edges() * voxels.world_from_voxel.smallest_edge());
+            .then(|| {
+                let planned = macrocells.as_ref().and_then(|planned| planned.step_edges);
+                let edges = planned.unwrap_or(scene.quality.sample_edges());
+                edges * voxels.world_from_voxel.smallest_edge()
+            });
         let samples_of_ray_max = samples_of_ray_max(&voxels, step_world)?;
         let dispatches = dispatches_of(samples_of_ray_max, settings, &shape);
 
@@ -215,9 +239,8 @@ impl Plan {
                 pass(resolve::variant(), 1)?,
             ]
         };
-        let atlas_bytes = images.iter().map(|image| image.memory_bytes).sum();
-        let memory_bytes =
-            atlas_bytes + buffers.iter().map(|buffer| buffer.memory_bytes).sum::<u64>();
+        let memory_bytes = images.iter().map(|image| image.memory_bytes).sum::<u64>()
+            + buffers.iter().map(|buffer| buffer.memory_bytes).sum::<u64>();
         check_limits(gpu, &buffers, memory_bytes)?;
         let submits_of_tile = u64::from(dispatches.div_ceil(DISPATCHES_PER_SUBMIT));
         let submits = u64::from(tiles) * scene.views.len() as u64 * submits_of_tile;
@@ -240,6 +263,7 @@ impl Plan {
             atlas_bytes,
             memory_bytes,
             left_out: left_out.0,
+            macrocells,
             texel_layouts,
             segments,
             shape,
@@ -274,7 +298,7 @@ impl Plan {
                 layout: paging.layouts[0].layout.name(),
                 memory_bytes: Image::memory_bytes(gpu, &plan.layout.spec),
                 spec: plan.layout.spec,
-                channel: atlas,
+                channel: Some(atlas),
             })
             .collect();
         let passes: Vec<PlannedPass> = paging
@@ -325,6 +349,7 @@ impl Plan {
             atlas_bytes,
             memory_bytes,
             left_out: left_out.0,
+            macrocells: None,
             texel_layouts: Vec::new(),
             segments: paging.segments.clone(),
             shape: paging.bricks.march.clone(),

@@ -150,7 +150,7 @@ fn images_in_layout(
             layout: texel.layout.name(),
             memory_bytes: Image::memory_bytes(gpu, &spec),
             spec,
-            channel,
+            channel: Some(channel),
         });
         layouts.push(Some(texel));
     }

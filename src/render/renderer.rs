@@ -18,7 +18,7 @@ use crate::render::plan::{DISPATCHES_PER_SUBMIT, Plan};
 use crate::render::scene_data::SceneData;
 use crate::render::statistics::{Statistics, peak_rss_bytes};
 use crate::render::tracing;
-use crate::render::upload::upload;
+use crate::render::upload::{upload, upload_codes};
 use crate::scene::RayFrame;
 use crate::trace::Trace;
 use crate::twins::ray_setup::ViewRays;
@@ -39,6 +39,7 @@ pub struct Renderer {
     pub(super) plan: Plan,
     pub(super) buffers: Buffers,
     pub(super) channels: Vec<Image>,
+    pub(super) macrocells: Option<Image>,
     pub(super) sampler: Option<Sampler>,
     pub(super) way: Way,
     pub(super) timestamps: Option<Timestamps>,
@@ -132,6 +133,7 @@ impl Renderer {
         let timestamps = Timestamps::new(gpu, RoleKind::Render, steps)?;
 
         let mut channels = Vec::new();
+        let mut macrocells = None;
         let mut sampler = None;
         let mut uploaded = Vec::new();
         let mut upload_ms = 0.0;
@@ -149,8 +151,16 @@ impl Renderer {
             let upload_span = tracing::begin_uploads(trace, &mut staging);
             for planned in &plan.images {
                 let image = Image::new(gpu, &planned.spec)?;
-                if let Some(layout) = &plan.texel_layouts[planned.channel] {
-                    let source = &voxels.channels[planned.channel].voxels;
+                let Some(channel) = planned.channel else {
+                    let codes = plan.macrocells.as_ref().map(|planned| &planned.codes);
+                    if let Some(codes) = codes {
+                        uploaded.extend(upload_codes(&mut staging, &image, codes)?);
+                    }
+                    macrocells = Some(image);
+                    continue;
+                };
+                if let Some(layout) = &plan.texel_layouts[channel] {
+                    let source = &voxels.channels[channel].voxels;
                     uploaded.extend(upload(&mut staging, &image, source, voxels.size, layout)?);
                     let texels: u64 = planned.size.iter().map(|edge| u64::from(*edge)).product();
                     bytes_uploaded += texels * layout.format.bytes();
@@ -172,13 +182,14 @@ impl Renderer {
             gpu: gpu.clone(),
             buffers,
             channels,
+            macrocells,
             sampler,
             way,
             timestamps,
             uploaded,
             volume_size,
             background: scene.picture.background,
-            early_stop: scene.quality.early_stop as f32,
+            early_stop: scene.quality.ray_end() as f32,
             upload_ms,
             bytes_uploaded,
             records: Vec::new(),

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::error::Result;
 use crate::gpu::{Image, Staging, TimePoint};
 use crate::render::image_layout::{Layout, TexelLayout};
-use crate::volume::{Size3, Voxels, sanitized};
+use crate::volume::{Macrocells, Size3, Voxels, sanitized};
 
 /// Fills an image with a channel and its apron; returns when the last copy is done on the device.
 pub fn upload(
@@ -15,8 +15,33 @@ pub fn upload(
     size: Size3,
     layout: &TexelLayout,
 ) -> Result<Option<TimePoint>> {
+    upload_boxes(staging, image, |start, box_size| texels(voxels, size, layout, start, box_size))
+}
+
+/// Fills an image with the codes of macrocells.
+pub fn upload_codes(
+    staging: &mut Staging,
+    image: &Image,
+    codes: &Macrocells<u8>,
+) -> Result<Option<TimePoint>> {
+    upload_boxes(staging, image, |[x, y, z], [width, height, depth]| {
+        let rows = (z..z + depth).flat_map(|z| (y..y + height).map(move |y| (y, z)));
+        let row = |(y, z)| {
+            let start = codes.size.index(x, y, z);
+            &codes.of[start..start + width as usize]
+        };
+        rows.flat_map(row).copied().collect()
+    })
+}
+
+/// Box by box; `texels` gives those of a box by its first texel and size.
+fn upload_boxes(
+    staging: &mut Staging,
+    image: &Image,
+    texels: impl Fn([u32; 3], [u32; 3]) -> Vec<u8>,
+) -> Result<Option<TimePoint>> {
     let [width, height, depth] = image.spec().size;
-    let row_bytes = u64::from(width) * layout.format.bytes();
+    let row_bytes = u64::from(width) * image.spec().format.bytes();
     let rows_per_copy = (staging.half_bytes() / row_bytes).max(1);
     // Whole slices where they fit, else parts of one slice: a copy is a box.
     let slices = u32::try_from(rows_per_copy / u64::from(height)).unwrap_or(depth).min(depth);
@@ -26,7 +51,7 @@ pub fn upload(
     for z in (0..depth).step_by(slices as usize) {
         for y in (0..height).step_by(rows as usize) {
             let box_size = [width, rows.min(height - y), slices.min(depth - z)];
-            let texels = texels(voxels, size, layout, [0, y, z], box_size);
+            let texels = texels([0, y, z], box_size);
             last = Some(staging.copy_to_image("upload", &texels, image, [0, y, z], box_size)?);
         }
     }

@@ -8,8 +8,8 @@ use crate::error::{Error, Result};
 use crate::scene;
 use crate::source::{BrickSource, ChannelDescription, read_checked};
 use crate::volume::{
-    BRICK_APRON, BrickBox, BrickId, ChannelVoxels, Size3, VolumeVoxels, Voxel, VoxelFormat, Voxels,
-    WorldFromVoxel, with_voxel_type,
+    BRICK_APRON, BrickBox, BrickId, ChannelVoxels, Macrocells, Size3, ValueRange, VolumeVoxels, Voxel,
+    VoxelFormat, Voxels, WorldFromVoxel, with_voxel_type,
 };
 
 /// Where a volume's bricks come from, and which channels of it are shown.
@@ -20,6 +20,7 @@ pub struct VolumeData {
     pub channels: Vec<u16>,
     world_from_voxel: WorldFromVoxel,
     whole: OnceLock<Arc<VolumeVoxels>>,
+    macrocells: OnceLock<Arc<Vec<Macrocells<ValueRange>>>>,
 }
 
 impl VolumeData {
@@ -35,7 +36,13 @@ impl VolumeData {
             "channels that exist"
         );
         let world_from_voxel = description.world_from_voxel;
-        VolumeData { source, channels, world_from_voxel, whole: OnceLock::new() }
+        VolumeData {
+            source,
+            channels,
+            world_from_voxel,
+            whole: OnceLock::new(),
+            macrocells: OnceLock::new(),
+        }
     }
 
     /// Bricks of `source` that were cut out of `voxels`, all of whose channels are shown in order.
@@ -102,6 +109,20 @@ impl VolumeData {
         // Not within the lock: a thread of rayon's that waits here may take up a task that asks too.
         let whole = Arc::new(self.gathered(0)?);
         Ok(self.whole.get_or_init(|| whole).clone())
+    }
+
+    /// Ranges of the macrocells of level 0, by shown channel; found on first use.
+    ///
+    /// # Errors
+    /// As [`VolumeData::whole`].
+    pub fn macrocells(&self) -> Result<Arc<Vec<Macrocells<ValueRange>>>> {
+        if let Some(macrocells) = self.macrocells.get() {
+            return Ok(macrocells.clone());
+        }
+        let whole = self.whole()?;
+        let of = |channel: &ChannelVoxels| Macrocells::ranges(&channel.voxels, whole.size);
+        let macrocells = Arc::new(whole.channels.iter().map(of).collect());
+        Ok(self.macrocells.get_or_init(|| macrocells).clone())
     }
 
     /// All voxels of a level of the shown channels, level 0 as [`VolumeData::whole`]. A coarser level

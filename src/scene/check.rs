@@ -19,6 +19,10 @@ use crate::volume::{RawLayout, Size3, VoxelFormat, WorldFromVoxel};
 const PICTURE_EDGE_PIXELS_MAX: i64 = 32_768;
 /// Voxels along one axis: positions keep their integer part in 31 bits with room for differences.
 const VOLUME_EDGE_VOXELS_MAX: i64 = 1 << 24;
+/// Of a pixel: beneath it f32 does not tell pictures apart.
+const TOLERANCE_LEAST: f64 = 1e-6;
+/// Of a pixel: a quarter of a step of an 8-bit picture.
+const TOLERANCE_DEFAULT: f64 = 0.001;
 /// World units: lengths and places beyond have no picture in f32.
 const WORLD_MAX: f64 = 1e30;
 /// Voxel edges below have no picture either.
@@ -224,24 +228,27 @@ impl Check<'_> {
         let integrator = match integrator.value.as_str() {
             "riemann" => Integrator::Riemann,
             "preintegrated" => Integrator::Preintegrated,
-            "adaptive" => {
-                return Err(integrator.place.error(format!(
-                    "integrator \"{}\" is not built yet: use \"riemann\" or \"preintegrated\"",
-                    integrator.value
-                )));
-            }
+            "adaptive" => Integrator::Adaptive,
             other => {
                 return Err(integrator.place.error(format!(
-                    "integrator \"{other}\" is not known: use \"riemann\" or \"preintegrated\""
+                    "integrator \"{other}\" is not known: use \"riemann\", \"preintegrated\" or \"adaptive\""
                 )));
             }
         };
-        if let Some(tolerance) =
-            self.pick_optional(overrides.tolerance, "--tolerance", file.tolerance)
-        {
-            return Err(tolerance.place.error(
-                "tolerance belongs to the integrator \"adaptive\", which is not built yet: leave it out and set step",
-            ));
+        let tolerance = self.pick_optional(overrides.tolerance, "--tolerance", file.tolerance);
+        if let Some(tolerance) = &tolerance {
+            if !(TOLERANCE_LEAST..1.0).contains(&tolerance.value) {
+                return Err(tolerance.place.error(format!(
+                    "tolerance must be at least {TOLERANCE_LEAST} and less than 1, got {}",
+                    tolerance.value
+                )));
+            }
+            if !integrator.has_tolerance() {
+                return Err(tolerance.place.error(format!(
+                    "tolerance belongs to the integrator \"adaptive\", not to \"{}\": set step instead",
+                    integrator.name()
+                )));
+            }
         }
         let step = self.pick(overrides.step, "--step", file.step, 0.5);
         if !(1e-6..=1e6).contains(&step.value) {
@@ -294,6 +301,7 @@ impl Check<'_> {
             refine,
             level_max,
             early_stop: early_stop.value,
+            tolerance: tolerance.map_or(TOLERANCE_DEFAULT, |tolerance| tolerance.value),
         })
     }
 

@@ -59,6 +59,8 @@ pub struct Quality {
     pub level_max: Option<u8>,
     /// A ray ends when less than this is transmitted; 0: never.
     pub early_stop: f64,
+    /// Greatest error of a component of a pixel, for the integrator that works to one.
+    pub tolerance: f64,
 }
 
 impl Quality {
@@ -67,8 +69,16 @@ impl Quality {
     /// sample whose middle is in a brick are less than half a voxel outside and can be had from its slot.
     pub fn sample_edges(&self) -> f64 {
         match self.integrator {
-            Integrator::Riemann => self.step,
+            Integrator::Riemann | Integrator::Adaptive => self.step,
             Integrator::Preintegrated => 2.0 * self.step * (63.0 / 64.0),
+        }
+    }
+
+    /// A ray ends when less than this is transmitted; 0: never. Where there is a tolerance, a quarter of it.
+    pub fn ray_end(&self) -> f64 {
+        match self.integrator.has_tolerance() && self.early_stop > 0.0 {
+            true => 0.25 * self.tolerance,
+            false => self.early_stop,
         }
     }
 }
@@ -81,17 +91,21 @@ pub enum Integrator {
     /// Spans on which the value is taken as linear, its curvature corrected: every piece of the transfer
     /// function that is crossed counts, however narrow.
     Preintegrated,
+    /// Midpoint rule over steps that ranges of stored values and what stands before them allow.
+    Adaptive,
 }
 
 impl Integrator {
     /// All of them.
-    pub const ALL: [Integrator; 2] = [Integrator::Riemann, Integrator::Preintegrated];
+    pub const ALL: [Integrator; 3] =
+        [Integrator::Riemann, Integrator::Preintegrated, Integrator::Adaptive];
 
     /// As scenes and `--integrator` name it.
     pub const fn name(self) -> &'static str {
         match self {
             Integrator::Riemann => "riemann",
             Integrator::Preintegrated => "preintegrated",
+            Integrator::Adaptive => "adaptive",
         }
     }
 
@@ -99,6 +113,7 @@ impl Integrator {
     pub const fn has_tolerance(self) -> bool {
         match self {
             Integrator::Riemann | Integrator::Preintegrated => false,
+            Integrator::Adaptive => true,
         }
     }
 }

@@ -15,6 +15,7 @@ pub mod filter;
 pub mod fixed_point;
 pub mod grant;
 pub mod limits;
+pub mod macrocells;
 pub mod march;
 pub mod march_bricks;
 pub mod place;

@@ -4,6 +4,7 @@ mod brick;
 mod dense;
 mod format;
 mod level;
+mod macrocells;
 mod range;
 mod size;
 mod transform;
@@ -14,6 +15,7 @@ pub use brick::{BRICK_APRON, BRICK_PAYLOAD_DEFAULT, BrickBox, BrickGrid, BrickId
 pub use dense::{ChannelVoxels, VolumeVoxels};
 pub use format::{RawLayout, VoxelFormat};
 pub use level::{Level, Levels};
+pub use macrocells::{MACROCELL_CELLS, Macrocells};
 pub use range::ValueRange;
 pub use size::Size3;
 pub use transform::WorldFromVoxel;

@@ -31,3 +31,4 @@ pub(super) use plan::PagingPlan;
 pub use rounds::RoundPicture;
 pub(super) use rounds::{Watch, draw};
 pub(super) use view_levels::longest_diagonal_world;
+pub(super) use visibility::Judge;

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{BufferSpec, Gpu, Image, MemoryHome, Staging, Variant};
 use crate::passes::brick_shape::{AtlasShape, BrickShape};
 use crate::passes::cache_buffers::{RankOrder, RankShape};
-use crate::passes::march_shape::{ChannelShape, Shape};
+use crate::passes::march_shape::{ChannelShape, MacrocellUse, Shape};
 use crate::passes::{place, rays, resolve};
 use crate::render::image_layout::{Layout, LayoutChoice, TexelLayout};
 use crate::render::paging::brick_numbers::{BrickNumbers, ChannelPlace};
@@ -75,6 +75,12 @@ impl PagingPlan {
         let (texel_layouts, atlases) = fitting_atlases(gpu, data, settings)?;
         let mut shapes = Vec::new();
         let preintegrated = scene.quality.integrator == Integrator::Preintegrated;
+        if scene.quality.integrator.has_tolerance() {
+            return Err(volume.place.error(format!(
+                "integrator \"{}\" is not built for bricks yet: raise --atlas-mib until the volume fits, or set another integrator",
+                scene.quality.integrator.name()
+            )));
+        }
         for ((channel, shown), layout) in
             volume.channels.iter().zip(source.shown()).zip(&texel_layouts)
         {
@@ -145,6 +151,7 @@ impl PagingPlan {
                 channels: shapes,
                 filter: texel_layouts[0].filter_shape(scene.quality.filter),
                 early_stop: scene.quality.early_stop > 0.0,
+                macrocells: MacrocellUse::Unused,
                 preintegrated,
                 nan_voxels: source.shown().any(|channel| channel.nan_voxels > 0),
             },

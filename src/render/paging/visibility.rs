@@ -61,7 +61,7 @@ impl Judge {
 
     /// Whether no value of the range, nor any that rounding makes of values between two of it, has an
     /// extinction above 0.
-    fn hides(&self, range: ValueRange) -> bool {
+    pub(in crate::render) fn hides(&self, range: ValueRange) -> bool {
         if range.is_empty() {
             return true;
         }
