@@ -42,51 +42,56 @@ uint bits_between(uint from, uint to) {
 }
 
 #ifdef ADAPTIVE
-#define CODES_OF_OCTAVE 8u
+#define CODES_OF_LEVEL 8u
 // Half of the octaves by which a unit of optical depth hides what comes behind it.
-#define CODES_OF_DEPTH 5.77078
-#define OCTAVES_MAX 5u
-// Where steps of an octave may start.
-const uint ALIGNED[OCTAVES_MAX] = uint[](0x55555555u, 0x11111111u, 0x01010101u, 0x00010001u, 1u);
+#define LEVELS_OF_DEPTH 0.7213475
+// Levels of step, each twice the one before. One is a whole interval long; above it, intervals are joined.
+#define LEVEL_WHOLE 5u
+#define LEVEL_MAX 7u
 
-// By how many octaves a step may be longer than the finest.
-uint octaves_of(uint code, float depth) {
-    float eighths = float(code - CODE_SHOWS) + depth * CODES_OF_DEPTH;
-    return min(uint(min(eighths, 1.0e3)) / CODES_OF_OCTAVE, OCTAVES_MAX);
+uint level_of(uint code, float depth) {
+    float level = float(code - CODE_SHOWS) / float(CODES_OF_LEVEL) + depth * LEVELS_OF_DEPTH;
+    return uint(min(level, float(LEVEL_MAX)));
 }
 
-uint bit_of(uint bits, uint index) {
-    return (bits >> index) & 1u;
+float length_of(uint level) {
+    return uintBitsToFloat((level + 127u - LEVEL_WHOLE) << 23u);
 }
 
-// Samples of a block: each stands for 2^octave steps from where it starts.
+// Intervals of a block in which something shows, by where samples start.
 struct Steps {
     uint starts;
-    uint octave_bits[3];  // bit by bit, where they start
+    uint level_bits[3];  // of the interval that starts there, bit by bit
 };
 
-// The longest aligned steps whose every part allows them (`may`, by octave from 1), of those in which
-// something shows.
-Steps longest_steps(uint samples, uint shown, uint may[OCTAVES_MAX]) {
-    Steps steps = Steps(0u, uint[3](0u, 0u, 0u));
-    uint left = bits_between(0u, samples);
-    [[unroll]] for (uint octave = OCTAVES_MAX; octave >= 1u; --octave) {
-        uint whole = may[octave - 1u] & left;
-        uint seen = shown;
-        [[unroll]] for (uint halving = 0u; halving < octave; ++halving) {
-            uint half_way = 1u << halving;
-            whole &= whole >> half_way;
-            seen |= seen >> half_way;
-        }
-        whole &= ALIGNED[octave - 1u];
-        left &= ~(whole * (0xffffffffu >> (32u - (1u << octave))));
-        seen &= whole;
-        steps.starts |= seen;
-        steps.octave_bits[0] |= (octave & 1u) != 0u ? seen : 0u;
-        steps.octave_bits[1] |= (octave & 2u) != 0u ? seen : 0u;
-        steps.octave_bits[2] |= (octave & 4u) != 0u ? seen : 0u;
-    }
-    steps.starts |= left & shown;
+uint level_at(Steps steps, uint index) {
+    uvec3 bits = (uvec3(steps.level_bits[0], steps.level_bits[1], steps.level_bits[2]) >> index) & 1u;
+    return bits.x + 2u * bits.y + 4u * bits.z;
+}
+
+// `below` holds for each level but the last the intervals some point of which allows no more.
+Steps joined_steps(uint shown, uint below[LEVEL_MAX]) {
+    // From bits that stand for all levels beneath to binary numbers.
+    uint at_least_6 = ~below[5];
+    uint at_least_7 = ~below[6];
+    // Four aligned intervals, two of them.
+    uint fours = at_least_7 & (at_least_7 >> 1u);
+    fours &= (fours >> 2u) & 0x11111111u;
+    uint in_fours = fours * 15u;
+    uint twos = at_least_6 & (at_least_6 >> 1u) & 0x55555555u & ~in_fours;
+    uint seen_by_two = shown | (shown >> 1u);
+    uint seen_by_four = seen_by_two | (seen_by_two >> 2u);
+    uint singles = ~(in_fours | twos * 3u);
+    Steps steps;
+    steps.starts = (shown & singles) | (twos & seen_by_two) | (fours & seen_by_four);
+    uint at_least_4 = ~below[3];
+    uint joined = fours | twos;
+    steps.level_bits[2] = at_least_4 | joined;
+    // 2, 3, 6 and 7; of single intervals none is above 5.
+    steps.level_bits[1] = joined | (~below[1] & ~at_least_4 & singles);
+    // 1, 3, 5 and 7.
+    uint odd = (~below[0] & below[1]) | (~below[2] & below[3]) | ~below[4];
+    steps.level_bits[0] = fours | (odd & singles);
     return steps;
 }
 #endif

@@ -71,7 +71,7 @@ uniform sampler3D channels[IMAGES];
 #endif
 
 // Points of a block's samples: a sample's place, or start, middle and end of its two spans.
-#ifdef PREINTEGRATED
+#if defined(PREINTEGRATED) || defined(ADAPTIVE)
 #define POINTS_OF(samples) (2u * (samples) + 1u)
 #define STEPS_TO(point) (0.5 * float(point) - 0.5)
 // The first sample that has the point, and the one after the last that has one before `end`.
@@ -109,7 +109,7 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
 #ifdef MACROCELLS
         uint shown = 0u;
 #ifdef ADAPTIVE
-        uint may[OCTAVES_MAX] = uint[](0u, 0u, 0u, 0u, 0u);
+        uint below[LEVEL_MAX] = uint[](0u, 0u, 0u, 0u, 0u, 0u, 0u);
 #endif
         // A sample that shows something anywhere is one: of two spans, at its start, middle or end.
         uint points = POINTS_OF(samples);
@@ -123,9 +123,9 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
             uint bits = bits_between(FIRST_WITH(known), LAST_WITH(min(end, points)));
             shown |= shows ? bits : 0u;
 #ifdef ADAPTIVE
-            uint octaves = shows ? octaves_of(here.code, state.optical_depth) : OCTAVES_MAX;
-            [[unroll]] for (uint octave = 0u; octave < OCTAVES_MAX; ++octave) {
-                may[octave] |= octaves > octave ? bits : 0u;
+            uint level = shows ? level_of(here.code, state.optical_depth) : LEVEL_MAX;
+            [[unroll]] for (uint above = 0u; above < LEVEL_MAX; ++above) {
+                below[above] |= level <= above ? bits : 0u;
             }
 #endif
             known = end;
@@ -145,14 +145,20 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
             uint index = uint(findLSB(shown));
             vec3 position = anchor_fraction + STEPS_TO(2u * index + phase) * step_voxel;
 #elif defined(ADAPTIVE)
-        Steps steps = longest_steps(samples, shown, may);
-        taken = uint(bitCount(steps.starts));
+        // Intervals beyond the ray's end join none.
+        below[5] |= samples < BLOCK_SAMPLES ? 0xffffffffu << samples : 0u;
+        below[6] |= below[5];
+        Steps steps = joined_steps(shown, below);
+        float from = 0.0;
+        float length = 1.0;
+        taken = 0u;
         while (steps.starts != 0u) {
             uint index = uint(findLSB(steps.starts));
-            uint octave = bit_of(steps.octave_bits[0], index)
-                + 2u * bit_of(steps.octave_bits[1], index) + 4u * bit_of(steps.octave_bits[2], index);
-            float length = float(1u << octave);
-            vec3 position = anchor_fraction + (float(index) + 0.5 * length - 0.5) * step_voxel;
+            uint level = level_at(steps, index);
+            // What the block itself hides lengthens steps too, within their interval.
+            uint longer = min(level + uint(block.depth * LEVELS_OF_DEPTH), max(level, LEVEL_WHOLE));
+            length = from == 0.0 ? length_of(longer) : length;
+            vec3 position = anchor_fraction + (float(index) - 0.5 + from + 0.5 * length) * step_voxel;
 #elif defined(MACROCELLS)
         taken = uint(bitCount(shown));
         while (shown != 0u) {
@@ -185,7 +191,11 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
             SAMPLE_CHANNELS
 #ifdef ADAPTIVE
             composite(block, medium, length * geometry.step_world);
-            steps.starts &= steps.starts - 1u;
+            ++taken;
+            from += length;
+            bool ends = from >= 1.0;
+            from = ends ? 0.0 : from;
+            steps.starts = ends ? steps.starts & (steps.starts - 1u) : steps.starts;
 #else
             composite(block, medium, geometry.step_world);
 #ifdef MACROCELLS

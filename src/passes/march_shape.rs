@@ -2,6 +2,7 @@
 
 use crate::gpu::{Buffer, ComputePipeline, Dispatch, Image, Sampler, Variant};
 use crate::twins::limits::BLOCK_SAMPLES;
+use crate::twins::macrocells::LEVEL_WHOLE;
 
 /// What one channel needs of the shader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -93,9 +94,12 @@ impl Shape {
     pub fn turns_of_block(&self) -> u32 {
         let most = self.channels.iter().map(|channel| channel.segments());
         let searched: u32 = if self.searches() { most.sum() } else { 0 };
-        let (points, samples) = match self.preintegrated {
-            true => (2 * BLOCK_SAMPLES + 2, (3 * BLOCK_SAMPLES + 2) * (1 + searched)),
-            false => (BLOCK_SAMPLES + 1, BLOCK_SAMPLES),
+        let (points, samples) = match (self.preintegrated, self.macrocells) {
+            (true, _) => (2 * BLOCK_SAMPLES + 2, (3 * BLOCK_SAMPLES + 2) * (1 + searched)),
+            (false, MacrocellUse::Adaptive) => {
+                (2 * BLOCK_SAMPLES + 2, (BLOCK_SAMPLES << LEVEL_WHOLE) + 1)
+            }
+            (false, _) => (BLOCK_SAMPLES + 1, BLOCK_SAMPLES),
         };
         let points = if self.macrocells == MacrocellUse::Unused { 0 } else { points };
         1 + points + samples

@@ -12,16 +12,18 @@ use crate::render::plan::PlannedImage;
 use crate::render::scene_data::SceneData;
 use crate::render::settings::Settings;
 use crate::render::transfer_segments::transfer_segments;
-use crate::twins::macrocells::{CODE_SHOWS, CODE_STEP_MAX, CODES_OF_OCTAVE, REACH_MAX};
+use crate::twins::macrocells::{CODE_SHOWS, CODE_STEP_MAX, CODES_OF_LEVEL, LEVEL_WHOLE, REACH_MAX};
 use crate::twins::transfer::TransferSegment;
 use crate::volume::{Macrocells, Size3, ValueRange, VoxelFormat, sanitized};
 
 /// Part of the tolerance that one feature of the integrand may cost: a ray meets many.
 const TOLERANCE_OF_FEATURE: f64 = 0.5;
 /// Finest steps, in smallest voxel edges.
-const STEP_EDGES_LEAST: f64 = 1.0 / 64.0;
-/// The coarsest that finest steps are.
-const STEP_EDGES_MOST: f64 = 1.0;
+const STEP_EDGES_LEAST: f64 = 1.0 / 512.0;
+/// The coarsest that finest steps are: intervals of one edge.
+const STEP_EDGES_MOST: f64 = 1.0 / INTERVAL_STEPS;
+/// Finest steps in an interval.
+const INTERVAL_STEPS: f64 = (1 << LEVEL_WHOLE) as f64;
 
 /// Part of all macrocells that must show nothing, else looking for them costs more than it saves.
 const HIDDEN_PART_LEAST: f64 = 0.05;
@@ -34,7 +36,9 @@ pub struct PlannedMacrocells {
     /// How many show nothing.
     pub hidden: u64,
     /// Finest step of the integrator "adaptive", smallest voxel edges.
-    pub step_edges: Option<f64>,
+    pub finest_edges: Option<f64>,
+    /// Its intervals: steps are parts of one, or whole ones joined.
+    pub interval_edges: Option<f64>,
     #[serde(skip)]
     pub(super) codes: Macrocells<u8>,
 }
@@ -80,8 +84,11 @@ impl PlannedMacrocells {
         if !adaptive && (codes.hidden as f64) < HIDDEN_PART_LEAST * count as f64 {
             return Ok(None);
         }
-        let step_edges = adaptive.then_some(codes.step_edges);
-        Ok(Some(PlannedMacrocells { count, hidden: codes.hidden, step_edges, codes: codes.codes }))
+        let (finest_edges, interval_edges) = match adaptive {
+            true => (Some(codes.step_edges), Some(codes.step_edges * INTERVAL_STEPS)),
+            false => (None, None),
+        };
+        Ok(Some(PlannedMacrocells { count, hidden: codes.hidden, finest_edges, interval_edges, codes: codes.codes }))
     }
 
     /// The image that holds the codes.
@@ -151,7 +158,7 @@ fn codes(channels: &[Channel], tolerance: Option<Tolerance>) -> Codes {
         of.par_iter_mut().zip(steps).for_each(|(code, step)| {
             let octaves = (step / step_edges).log2();
             // The nearest power of two: half an octave is added before rays round down.
-            let eighths = (octaves + 0.5) * f64::from(CODES_OF_OCTAVE);
+            let eighths = (octaves + 0.5) * f64::from(CODES_OF_LEVEL);
             *code = CODE_SHOWS + eighths.clamp(0.0, f64::from(CODE_STEP_MAX)) as u8;
         });
     }

@@ -195,7 +195,7 @@ impl Plan {
         };
         let macrocells = PlannedMacrocells::new(data, &texel_layouts, settings)?;
         if let Some(planned) = &macrocells {
-            shape.macrocells = match planned.step_edges {
+            shape.macrocells = match planned.interval_edges {
                 Some(_) => MacrocellUse::Adaptive,
                 None => MacrocellUse::Skipping,
             };
@@ -212,7 +212,7 @@ impl Plan {
 
         let step_world = (!homogeneous)
             .then(|| {
-                let planned = macrocells.as_ref().and_then(|planned| planned.step_edges);
+                let planned = macrocells.as_ref().and_then(|planned| planned.interval_edges);
                 let edges = planned.unwrap_or(scene.quality.sample_edges());
                 edges * voxels.world_from_voxel.smallest_edge()
             });
