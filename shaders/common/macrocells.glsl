@@ -10,7 +10,7 @@ uniform sampler3D macrocells;
 
 #define CODE_SHOWS 128u
 // Boxes are made smaller by this on all sides, so that rounding puts no sample into the wrong one.
-#define BORDER_VOXEL 1.0e-4
+#define BORDER_VOXEL 1.0e-3
 
 struct Macrocell {
     uint code;

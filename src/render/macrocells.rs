@@ -17,7 +17,7 @@ use crate::twins::transfer::TransferSegment;
 use crate::volume::{Macrocells, Size3, ValueRange, VoxelFormat, sanitized};
 
 /// Part of the tolerance that one feature of the integrand may cost: a ray meets many.
-const TOLERANCE_OF_FEATURE: f64 = 0.5;
+const TOLERANCE_OF_FEATURE: f64 = 0.25;
 /// Finest steps, in smallest voxel edges.
 const STEP_EDGES_LEAST: f64 = 1.0 / 512.0;
 /// The coarsest that finest steps are: intervals of one edge.
