@@ -34,6 +34,8 @@ pub struct Outcome {
     pub error_halved: f64,
     /// Of bricks against direct.
     pub paged: f64,
+    /// What both errors were held to.
+    pub bound: f64,
     /// What does not hold, one sentence each.
     pub complaints: Vec<String>,
 }
@@ -129,7 +131,7 @@ pub fn measure(
             complaints.push(format!("{way}: a pixel is {bad:?}"));
         }
     }
-    Ok(Outcome { error, error_halved, paged, complaints })
+    Ok(Outcome { error, error_halved, paged, bound, complaints })
 }
 
 fn is_sound(pixel: &[f32; 4]) -> bool {
