@@ -11,7 +11,7 @@ use crate::passes::cache_buffers::RankOrder;
 use crate::passes::march_shape::{ChannelShape, FilterShape, Shape};
 use crate::passes::{cast, rays, resolve};
 use crate::render::image_layout::TexelLayout;
-use crate::render::paging::{PagingPlan, longest_diagonal_world};
+use crate::render::paging::{CopyPath, PagingPlan, longest_diagonal_world};
 use crate::render::plan_images::{ChannelFacts, plan_images};
 use crate::render::plan_objects::{copies_of, objects, plan_buffers, planned_buffers, queues_text};
 use crate::render::scene_data::SceneData;
@@ -296,6 +296,15 @@ impl Plan {
         if !paging.bricks.skipping {
             left_out.add("skipping of bricks that show nothing", "--no-skipping");
         }
+        if !paging.bricks.march.early_stop {
+            left_out.add("early stop", "early_stop = 0");
+        }
+        if paging.copy_path == CopyPath::Straight {
+            left_out.add("upload buffer and its pass", "bricks are copied straight into slots");
+        }
+        if !paging.bricks.show_states {
+            left_out.add("tints of rays by what they met", "no --show-states");
+        }
         let atlas_bytes = images.iter().map(|image| image.memory_bytes).sum();
         let memory_bytes =
             atlas_bytes + buffers.iter().map(|buffer| buffer.memory_bytes).sum::<u64>();
@@ -368,6 +377,9 @@ impl LeftOut {
         }
         if shape.channels.len() == 1 {
             self.add("mixing of channels", "the scene shows one");
+        }
+        if !shape.searches() {
+            self.add("search of transfer segments", "few enough to select from");
         }
         if !shape.preintegrated {
             self.add("spans between samples", "the integrator is riemann");
