@@ -67,7 +67,6 @@ const LADDER: [Rung; Feature::ALL.len()] = [
         added: &[
             "binding cast.channels",
             "buffer staging_half_0",
-            "buffer staging_half_1",
             "image channel_0",
             "macro FILTER_FETCH",
             "macro IMAGES",
@@ -87,9 +86,9 @@ const LADDER: [Rung; Feature::ALL.len()] = [
     },
     Rung {
         feature: Feature::SecondChannel,
-        added: &["image channel_1", "macro SEVERAL_CHANNELS"],
+        added: &["buffer staging_half_1", "image channel_1", "macro SEVERAL_CHANNELS"],
         left_out: Some("mixing of channels"),
-        shared: &["macro SEVERAL_CHANNELS"],
+        shared: &["buffer staging_half_1", "macro SEVERAL_CHANNELS"],
         ..NOTHING
     },
     Rung { feature: Feature::Rgba, added: &["image channel_2"], ..NOTHING },

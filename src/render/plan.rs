@@ -221,7 +221,8 @@ impl Plan {
         check_limits(gpu, &buffers, memory_bytes)?;
         let submits_of_tile = u64::from(dispatches.div_ceil(DISPATCHES_PER_SUBMIT));
         let submits = u64::from(tiles) * scene.views.len() as u64 * submits_of_tile;
-        let copies = copies_of(&images, &buffers);
+        let half = buffers.iter().find(|buffer| buffer.name == "staging_half_0");
+        let copies = half.map_or(0, |half| copies_of(&images, half.bytes));
         Ok(Plan {
             device: gpu.facts().name.clone(),
             driver: gpu.facts().driver.clone(),

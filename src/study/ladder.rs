@@ -230,7 +230,7 @@ fn channels(features: &[Feature], edge: u32) -> Vec<ChannelVoxels> {
             (1.0 - square.sqrt() / 0.5).max(0.0)
         })
     };
-    let hole = |index: usize| has(Feature::NanVoxels) && index % 97 == 0;
+    let hole = |index: usize| has(Feature::NanVoxels) && index.is_multiple_of(97);
     let first = hill([0.5; 3]).enumerate().map(|(index, value)| match has(Feature::Field) {
         _ if hole(index) => f32::NAN,
         true => value as f32,

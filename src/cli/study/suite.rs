@@ -102,7 +102,7 @@ pub struct Flags {
 /// The suites there are.
 #[derive(Clone, Copy, ValueEnum)]
 enum Suite {
-    /// Scenes at the edges of what numbers allow.
+    // Scenes at the edges of what numbers allow.
     Stability,
 }
 

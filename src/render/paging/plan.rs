@@ -218,7 +218,7 @@ impl PagingPlan {
             specs.push(spec("placements", of(bricks, size_of::<Placement>()), MemoryHome::Upload));
         }
         specs.extend(self.residency.buffers());
-        specs.extend(Staging::specs(self.staging_half_bytes));
+        specs.extend(Staging::specs(self.staging_half_bytes, u64::MAX));
         specs
     }
 
