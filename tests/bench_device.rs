@@ -1,4 +1,4 @@
-//! `ashfall bench overhead`, `upload` and `paging` run small here, so that they cannot rot. What they
+//! `ashfall bench overhead`, `upload`, `paging` and `features` run small here, so that they cannot rot. What they
 //! count is held to; what they time is not.
 
 mod support;
@@ -150,6 +150,39 @@ fn an_unfinished_picture_in_the_papers_order_is_a_row() {
 }
 
 #[test]
+fn features_are_priced_by_taking_them_away() {
+    let small = ["--edge", "40", "--payload", "8", "--size", "32x32", "--repeats", "1"];
+    let table = figures(&[&["features"], &small[..]].concat());
+    let rows = table["features"].as_array().unwrap();
+    assert_eq!(rows.len(), 16);
+    let row = |feature: &str| rows.iter().find(|row| row["feature"] == feature).unwrap();
+    let count = |counts: &Value, key: &str| counts[key].as_u64().unwrap();
+    let saved = |feature: &str, key: &str| {
+        count(&table["fullest"], key) as i64 - count(&row(feature)["without"], key) as i64
+    };
+    for row in rows {
+        assert!(is_spread(&row["ms"]) && is_spread(&row["time_ratio"]), "{row}");
+        assert!(row["samples"].as_u64().unwrap() > 0, "{row}");
+        let kinds = row["without"]["objects_of_kind"].as_object().unwrap();
+        let sum: u64 = kinds.values().map(|count| count.as_u64().unwrap()).sum();
+        assert_eq!(sum, count(&row["without"], "objects"), "{row}");
+    }
+    // What paging brings goes with it, and with the voxels that it pages.
+    assert_eq!(row("paging")["and"].as_array().unwrap().len(), 5);
+    assert_eq!(row("voxels that vary")["and"].as_array().unwrap().len(), 13);
+    assert_eq!(row("voxels that vary")["without"]["passes"], 1);
+    assert_eq!(row("voxels that vary")["without"]["images"], 0);
+    assert!(saved("paging", "buffers") > 20 && saved("paging", "passes") > 5);
+    // Three formats: a pass that places for each, and the buffers that all share.
+    assert_eq!((saved("placed copies", "passes"), saved("placed copies", "buffers")), (3, 2));
+    assert_eq!(saved("second channel", "images"), 1);
+    assert!(saved("NaN voxels", "spirv_instructions") > 0);
+    assert_eq!(saved("NaN voxels", "objects"), 0);
+    assert_eq!(row("NaN voxels")["gone"], serde_json::json!(["macro NAN_VOXELS"]));
+    assert!(saved("tiles", "memory_bytes") < 0, "a larger tile takes more");
+}
+
+#[test]
 fn wrong_words_are_wrong_arguments() {
     for arguments in [
         &["overhead", "--edge", "4"][..],
@@ -158,6 +191,8 @@ fn wrong_words_are_wrong_arguments() {
         &["paging", "--slots", "some"],
         &["paging", "--slots", "0"],
         &["paging", "--order", "any"],
+        &["features", "--size", "large"],
+        &["features", "--repeats", "0"],
     ] {
         assert_eq!(bench(arguments).status.code(), Some(2), "{arguments:?}");
     }

@@ -34,7 +34,7 @@ fn hold(theme: &str) {
                 case.name,
                 outcome.error,
                 outcome.error_halved,
-                case.bound,
+                outcome.bound,
                 outcome.paged
             );
             let sentences = outcome.complaints.into_iter();

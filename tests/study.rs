@@ -13,6 +13,7 @@ use ashfall::render::paging::{PagingSettings, RoundPicture};
 use ashfall::render::{Addressing, Settings};
 use ashfall::scene::{Integrator, Overrides, Quality};
 use ashfall::study::error_metrics::picture_error;
+use ashfall::study::stability::integrators;
 use ashfall::study::sweep::{Axes, Axis, Setting, settings};
 use binary::{Folder, Run, ashfall};
 use common::drawing::{Device, dense, scene_data};
@@ -215,12 +216,19 @@ fn every_axis_gives_rows_files_and_documented_keys() {
         serde_json::from_slice(&std::fs::read(folder.path("out/study.json")).expect("read"))
             .expect("JSON");
     assert_eq!(kept, table);
+    explained(&table, "## What the figures mean");
+}
+
+/// Fails for a key that docs/STUDY.md does not explain under `heading`.
+fn explained(table: &Value, heading: &str) {
     let docs = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/STUDY.md"))
         .expect("docs/STUDY.md");
+    let section = docs.split("\n## ").find(|part| heading.ends_with(part.lines().next().unwrap()));
+    let section = section.unwrap_or_else(|| panic!("docs/STUDY.md has no {heading}"));
     let mut keys = Vec::new();
-    collect_keys(&table, &mut keys);
+    collect_keys(table, &mut keys);
     for key in keys {
-        assert!(docs.contains(&format!("`{key}`")), "docs/STUDY.md does not explain `{key}`");
+        assert!(section.contains(&format!("`{key}`")), "{heading} does not explain `{key}`");
     }
 }
 
@@ -454,4 +462,87 @@ fn the_reference_takes_a_level() {
     let [finest, coarser, beyond] = ["0", "1", "31"].map(integrate);
     assert!(finest != coarser, "levels differ");
     assert!(coarser == beyond, "the coarsest of two levels");
+}
+
+const TWO_CASES: [&str; 6] = [
+    "study",
+    "--suite",
+    "stability",
+    "--case=looking away",
+    "--case=on a face of the box, inwards",
+    "--validate",
+];
+
+/// A quick part of the suite: a row for each case and integrator, in files and on stdout, all explained.
+#[test]
+fn a_suite_is_drawn_without_a_scene() {
+    let folder = Folder::new("study-suite");
+    let out = folder.path("out");
+    let files = ["-o", out.to_str().expect("UTF-8")];
+    let run = ashfall([&TWO_CASES[..], &["--json"], &files].concat());
+    if no_device(&run) {
+        return;
+    }
+    let table = json(&run);
+    assert_eq!((&table["suite"], &table["not_holding"]), (&"stability".into(), &0.into()));
+    let rows = table["cases"].as_array().expect("cases");
+    assert_eq!(rows.len(), 2 * integrators().len(), "{rows:?}");
+    for row in rows {
+        assert_eq!((&row["theme"], &row["holds"]), (&"cameras".into(), &true.into()), "{row}");
+        let figure = |key: &str| row[key].as_f64().unwrap_or_else(|| panic!("{key} of {row}"));
+        assert!(figure("error") <= figure("bound"), "{row}");
+        let seen = row["case"] != "looking away";
+        assert_eq!(figure("error") > 0.0, seen, "something is seen, and nothing: {row}");
+    }
+    explained(&table, "## Suites");
+    let kept = std::fs::read(out.join("stability.json")).expect("read");
+    assert_eq!(serde_json::from_slice::<Value>(&kept).expect("JSON"), table);
+    let csv = lines(&out.join("stability.csv"));
+    assert_eq!(csv.len(), 1 + rows.len());
+    assert!(csv[0].starts_with("theme,case,integrator,error,"), "{csv:?}");
+    assert_eq!(out.read_dir().expect("a folder").count(), 2);
+}
+
+/// What does not hold is in the table, in a sentence each, and in the exit code.
+#[test]
+fn a_case_beyond_its_bound_is_a_difference() {
+    let flags = ["--bound-factor", "1e-6", "--integrators", "riemann"];
+    let run = ashfall([&TWO_CASES[..], &flags].concat());
+    if no_device(&run) {
+        return;
+    }
+    assert_eq!(run.code, Some(6), "{}", run.stderr);
+    let sentence = run.sentence().expect("one sentence");
+    let begins =
+        "stability: 1 of 2 do not hold, first: on a face of the box, inwards, riemann: error";
+    assert!(sentence.starts_with(begins), "{sentence}");
+    let rows: Vec<_> = run.stdout.lines().filter(|line| line.starts_with("cameras ")).collect();
+    let ends = |word: &str| rows.iter().filter(|line| line.ends_with(word)).count();
+    assert_eq!((rows.len(), ends("NO"), ends("yes")), (2, 1, 1), "{}", run.stdout);
+    assert!(run.stdout.contains("what does not hold\n  on a face of the box"), "{}", run.stdout);
+}
+
+#[test]
+fn a_suite_or_a_scene_is_asked_for() {
+    let suite = ["study", "--suite", "stability"];
+    for (arguments, words) in [
+        (&["study"][..], "--suite stability"),
+        (&["study", "-o", "out"], "no SCENE"),
+        (&["study", "scene.toml"], "no --output"),
+        (&["study", "scene.toml", "--suite", "stability"], "cannot be used with"),
+        (&["study", "scene.toml", "-o", "out", "--theme", "fields"], "--theme"),
+        (&["study", "-o", "out", "--case", "sheared"], "--suite"),
+        (&[&suite[..], &["--steps", "1"]].concat(), "--steps"),
+        (&[&suite[..], &["--size", "8x8"]].concat(), "--size"),
+        (&[&suite[..], &["--theme", "sounds"]].concat(), "\"fields\", \"transfers\""),
+        (&[&suite[..], &["--theme", "fields", "--case", "sheared"]].concat(), "\"linear\""),
+        (&[&suite[..], &["--bound-factor", "0"]].concat(), "--bound-factor"),
+        (&[&suite[..], &["--bound-factor", "nan"]].concat(), "--bound-factor"),
+        (&["study", "--suite", "speed"], "stability"),
+    ] {
+        let run = ashfall(arguments);
+        assert_eq!(run.code, Some(2), "{arguments:?}: {}", run.stderr);
+        assert!(run.stderr.contains(words), "{arguments:?}: {}", run.stderr);
+        assert_eq!(run.stdout, "", "{arguments:?}");
+    }
 }

@@ -1,5 +1,6 @@
 //! `ashfall bench`: prices, as ratios within one run.
 
+mod features;
 mod overhead;
 mod paging;
 mod sample;
@@ -23,6 +24,7 @@ enum Bench {
     Upload(upload::Arguments),
     Paging(paging::Arguments),
     Sample(sample::Arguments),
+    Features(features::Arguments),
     Store(store::Arguments),
 }
 
@@ -33,6 +35,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Bench::Upload(arguments) => upload::run(arguments),
         Bench::Paging(arguments) => paging::run(arguments),
         Bench::Sample(arguments) => sample::run(arguments),
+        Bench::Features(arguments) => features::run(arguments),
         Bench::Store(arguments) => store::run(arguments),
     }
 }

@@ -19,6 +19,11 @@ pub fn settings(verb: &'static str) -> ProgressBar {
     bar(verb, "{msg} {wide_bar} {pos} of {len} settings, {per_sec}, {eta} left")
 }
 
+/// A bar of cases drawn of cases in all; silent where nobody watches.
+pub fn cases(verb: &'static str) -> ProgressBar {
+    bar(verb, "{msg} {wide_bar} {pos} of {len} cases, {elapsed}, {eta} left")
+}
+
 /// A bar of parts done; silent where nobody watches.
 pub fn parts(verb: &'static str) -> ProgressBar {
     bar(verb, "{msg} {wide_bar} {percent}% in {elapsed}, {eta} left")

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use clap::Args;
+use clap::{ArgMatches, Args, Command, FromArgMatches};
 
 use crate::cli::bare_file;
 use crate::cli::load::{load_scene, load_scene_for_reference};
@@ -93,6 +93,36 @@ impl SceneFlags {
             ram_mib: self.ram_mib,
             staging_mib: self.staging_mib,
         }
+    }
+}
+
+/// [`SceneFlags`] of a command that may do without a scene.
+pub struct OptionalScene(pub Option<SceneFlags>);
+
+impl Args for OptionalScene {
+    fn augment_args(command: Command) -> Command {
+        // An update asks for nothing.
+        SceneFlags::augment_args_for_update(command)
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        SceneFlags::augment_args_for_update(command)
+    }
+}
+
+impl FromArgMatches for OptionalScene {
+    fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
+        let named = matches.contains_id("scene");
+        let flags = named.then(|| SceneFlags::from_arg_matches(matches)).transpose();
+        flags.map(OptionalScene)
+    }
+
+    fn update_from_arg_matches(
+        &mut self,
+        matches: &ArgMatches,
+    ) -> std::result::Result<(), clap::Error> {
+        *self = OptionalScene::from_arg_matches(matches)?;
+        Ok(())
     }
 }
 

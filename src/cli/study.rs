@@ -1,4 +1,6 @@
-//! `ashfall study`: error against run time, over settings of one scene.
+//! `ashfall study`: error against run time, over settings of one scene; or a suite of scenes of its own.
+
+mod suite;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -10,7 +12,7 @@ use crate::cli::cores::all_cores;
 use crate::cli::output::{print, print_json, write_json};
 use crate::cli::progress;
 use crate::cli::render::keep_views;
-use crate::cli::scene_flags::{DeviceFlags, SceneFlags, WorkFlags, shader_compiler};
+use crate::cli::scene_flags::{DeviceFlags, OptionalScene, SceneFlags, WorkFlags, shader_compiler};
 use crate::error::{Error, Exit, Result};
 use crate::gpu::Gpu;
 use crate::render::SceneData;
@@ -25,22 +27,34 @@ use crate::study::sweep::{Axes, Axis, Setting, settings};
 ///
 /// Writes study.json, study.csv, study.svg, and streaming.csv and streaming.svg, into a folder. Every
 /// finished measurement is kept there, so that the same command goes on after it was stopped.
+///
+/// With --suite stability no scene is named: scenes at the edges of what numbers allow are drawn every
+/// way, and what must hold of each is looked at.
 #[derive(Args)]
 #[command(
+    override_usage = "ashfall study [OPTIONS] <SCENE> --output <DIR>\n       \
+        ashfall study --suite stability [--theme NAME] [--case NAME] [--json] [--output DIR]",
     after_help = "What is swept: steps of every integrator, with the scene's early stop and with none; filters and \
     early stops one at a time at a fine step; levels drawn alone, which tells level-of-detail error from \
     that of integration; atlas sizes, in pages; refinement by substitution, round by round. The scene's \
     flags make the setting that the others differ from, at level 0.\n\
     Errors are on linear rgb with peak 1 (RMSE, greatest, PSNR over all and over covered pixels), SSIM on \
     linear luminance, FLIP on what a PNG shows. docs/STUDY.md explains every figure.\n\
-    Ends with 5 when a picture lacks something. An atlas that is too small is a line of the table."
+    Ends with 5 when a picture lacks something. An atlas that is too small is a line of the table.\n\
+    --suite stability draws fields, transfer functions, voxels, places and cameras at their extremes with \
+    every integrator, directly, with half the step, in bricks, through atlases of two sizes, with twice \
+    the extinction. Of each must hold: no NaN, alpha within 0 and 1, the error within a bound that has \
+    its reason, no change with bricks or atlas, and more extinction lets no more through. Ends with 6 \
+    when something does not hold, and says what. Some minutes on a CPU; try --theme cameras."
 )]
 pub struct Arguments {
     #[command(flatten)]
-    scene: SceneFlags,
-    /// Folder for everything that is written; it is made, and holds one study.
+    scene: OptionalScene,
+    /// Folder for everything that is written; it is made, and holds one study. A suite may do without.
     #[arg(short, long, value_name = "DIR")]
-    output: PathBuf,
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    suite: suite::Flags,
     /// The view that is drawn. Default: the first.
     #[arg(long, value_name = "NAME")]
     view: Option<String>,
@@ -143,6 +157,28 @@ enum Part {
 
 /// Measures, writes and prints.
 pub fn run(arguments: &Arguments) -> Result<()> {
+    if arguments.suite.named() {
+        let integrators = arguments.integrators.iter().map(|integrator| integrator.name());
+        return suite::run(
+            &arguments.suite,
+            integrators.collect(),
+            arguments.output.as_deref(),
+            arguments.json,
+            &arguments.device,
+        );
+    }
+    match (&arguments.scene.0, &arguments.output) {
+        (Some(scene), Some(folder)) => sweep(arguments, scene, folder),
+        (None, _) => Err(Error::arguments(
+            "study: no SCENE: name one whose settings are swept, or --suite stability, which brings its own",
+        )),
+        (_, None) => Err(Error::arguments(
+            "study: no --output: name a folder for study.json and all the rest, as in -o study",
+        )),
+    }
+}
+
+fn sweep(arguments: &Arguments, flags: &SceneFlags, folder: &Path) -> Result<()> {
     let error_max = arguments.error_max;
     if !(error_max > 0.0 && error_max < 1.0) {
         return Err(Error::arguments(format!(
@@ -155,8 +191,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             "--show-states: tints pictures, so that their errors mean nothing: leave it out",
         ));
     }
-    let data = scene(arguments)?;
-    let base = base(arguments, &data);
+    let data = scene(arguments, flags)?;
+    let base = base(flags, &data);
     let effort = Effort {
         axes: axes(arguments, &data, &base),
         base,
@@ -175,10 +211,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             "--only: this volume has nothing of that to sweep: name another axis",
         ));
     }
-    let folder = &arguments.output;
     std::fs::create_dir_all(folder).map_err(|why| disk(folder, &why))?;
     let gpu = arguments.device.open()?;
-    let table = measured(arguments, &gpu, data, effort)?;
+    let table = measured(flags, folder, &gpu, data, effort)?;
     write_json(&folder.join("study.json"), &table)?;
     write(&folder.join("study.csv"), &table.csv())?;
     write(&folder.join("study.svg"), &study_svg(&table))?;
@@ -200,8 +235,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// The scene with one view, whose voxels fit memory.
-fn scene(arguments: &Arguments) -> Result<SceneData> {
-    let mut data = arguments.scene.load()?;
+fn scene(arguments: &Arguments, flags: &SceneFlags) -> Result<SceneData> {
+    let mut data = flags.load()?;
     keep_views(&mut data.scene.views, arguments.view.as_slice())?;
     data.scene.views.truncate(1);
     data.check_memory()?;
@@ -215,12 +250,12 @@ fn scene(arguments: &Arguments) -> Result<SceneData> {
 }
 
 /// What the scene says, at level 0.
-fn base(arguments: &Arguments, data: &SceneData) -> Setting {
+fn base(flags: &SceneFlags, data: &SceneData) -> Setting {
     let Quality { integrator, step, filter, early_stop, .. } = data.scene.quality;
     Setting {
         integrator: integrator.name(),
         step,
-        tolerance: arguments.scene.overrides().tolerance.filter(|_| integrator.has_tolerance()),
+        tolerance: flags.overrides().tolerance.filter(|_| integrator.has_tolerance()),
         filter: filter.name(),
         early_stop,
         level_min: 0,
@@ -263,14 +298,15 @@ fn axes(arguments: &Arguments, data: &SceneData, base: &Setting) -> Axes {
 }
 
 fn measured(
-    arguments: &Arguments,
+    flags: &SceneFlags,
+    folder: &Path,
     gpu: &Arc<Gpu>,
     data: SceneData,
     effort: Effort,
 ) -> Result<StudyTable> {
     let scene = &data.scene;
     let header = Header {
-        scene: arguments.scene.scene.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        scene: flags.scene.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         view: scene.views[0].name.clone(),
         size: scene.picture.size,
         device: gpu.facts().name.clone(),
@@ -280,7 +316,7 @@ fn measured(
         reference_error_max: effort.error_max,
     };
     let compiler = shader_compiler();
-    let mut study = Study::open(gpu, &compiler, data, effort, arguments.output.clone())?;
+    let mut study = Study::open(gpu, &compiler, data, effort, folder.to_owned())?;
     let bars = Bars::start();
     let found = study.run(&bars);
     bars.settings.finish_and_clear();
@@ -344,4 +380,27 @@ fn integrator(text: &str) -> std::result::Result<Integrator, String> {
 fn filter(text: &str) -> std::result::Result<Filter, String> {
     let known = [Filter::Exact, Filter::Hardware].into_iter().find(|known| known.name() == text);
     known.ok_or_else(|| "expected exact or hardware".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::{Args as _, Command};
+
+    use super::{Arguments, suite};
+
+    /// A new flag is either one of a scene, which a suite refuses, or one that a suite heeds.
+    #[test]
+    fn every_flag_belongs_to_a_scene_or_to_a_suite() {
+        let command = Arguments::augment_args(Command::new("study"));
+        let of_a_suite =
+            ["output", "suite", "theme", "case", "bound_factor", "integrators", "json"];
+        let of_both = ["device", "validate"];
+        let wanted = of_a_suite.iter().chain(&of_both).chain(&suite::OF_A_SCENE);
+        let mut wanted: Vec<_> = wanted.map(|id| id.to_string()).collect();
+        let mut found: Vec<_> =
+            command.get_arguments().map(|argument| argument.get_id().to_string()).collect();
+        wanted.sort();
+        found.sort();
+        assert_eq!(found, wanted);
+    }
 }

@@ -1,4 +1,5 @@
-//! Two staging halves: the host fills one while the transfer role copies from the other.
+//! Two staging halves: the host fills one while the transfer role copies from the other. One, where
+//! there is but one copy.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -20,7 +21,8 @@ use crate::gpu::timestamps::{SubmitTimes, Timestamps};
 /// targets: no target is borrowed before that.
 pub struct Staging {
     gpu: Arc<Gpu>,
-    halves: [Half; 2],
+    /// Two, or one.
+    halves: Vec<Half>,
     current: usize,
     copy_ms: f64,
     /// Of copies that have ended, where somebody wants them.
@@ -85,10 +87,11 @@ const STEPS_MAX: usize = 64;
 const ALIGNMENT_BYTES: u64 = 16;
 
 impl Staging {
-    /// The two buffers that staging of `half_bytes` each consists of.
-    pub fn specs(half_bytes: u64) -> [BufferSpec; 2] {
+    /// The buffers that staging of `half_bytes` each consists of: one for a single copy, else two.
+    pub fn specs(half_bytes: u64, copies: u64) -> Vec<BufferSpec> {
+        let halves = ["staging_half_0", "staging_half_1"].into_iter();
         let half = |name| BufferSpec { name, bytes: half_bytes, home: MemoryHome::Upload };
-        [half("staging_half_0"), half("staging_half_1")]
+        halves.take(if copies > 1 { 2 } else { 1 }).map(half).collect()
     }
 
     /// Makes both halves.
@@ -96,10 +99,17 @@ impl Staging {
     /// # Errors
     /// Exit code 4 when memory is full.
     pub fn new(gpu: &Arc<Gpu>, half_bytes: u64) -> Result<Staging> {
-        let [first, second] = Staging::specs(half_bytes);
-        let half = |spec| {
+        Staging::for_copies(gpu, half_bytes, u64::MAX)
+    }
+
+    /// As [`Staging::new`] for so many flushes; of more, each waits for the one before if there is one half.
+    ///
+    /// # Errors
+    /// As [`Staging::new`].
+    pub fn for_copies(gpu: &Arc<Gpu>, half_bytes: u64, copies: u64) -> Result<Staging> {
+        let half = |spec: BufferSpec| {
             Ok(Half {
-                buffer: Buffer::new(gpu, spec)?,
+                buffer: Buffer::new(gpu, &spec)?,
                 timestamps: Timestamps::new(gpu, RoleKind::Transfer, STEPS_MAX as u32)?,
                 unmeasured: false,
                 read_until: None,
@@ -110,7 +120,10 @@ impl Staging {
         };
         Ok(Staging {
             gpu: gpu.clone(),
-            halves: [half(&first)?, half(&second)?],
+            halves: Staging::specs(half_bytes, copies)
+                .into_iter()
+                .map(half)
+                .collect::<Result<_>>()?,
             current: 0,
             copy_ms: 0.0,
             times: None,
@@ -254,7 +267,7 @@ impl Staging {
         half.unmeasured = true;
         half.read_until = Some(submitted.point);
         self.last = Some(submitted.point);
-        self.current = 1 - self.current;
+        self.current = (self.current + 1) % self.halves.len();
         Ok(Some(submitted))
     }
 

@@ -12,7 +12,7 @@ use crate::passes::march_shape::{ChannelShape, FilterShape, MacrocellUse, Shape}
 use crate::passes::{cast, rays, resolve};
 use crate::render::image_layout::TexelLayout;
 use crate::render::macrocells::PlannedMacrocells;
-use crate::render::paging::{PagingPlan, longest_diagonal_world};
+use crate::render::paging::{CopyPath, PagingPlan, longest_diagonal_world};
 use crate::render::plan_images::{ChannelFacts, plan_images};
 use crate::render::plan_objects::{copies_of, objects, plan_buffers, planned_buffers, queues_text};
 use crate::render::scene_data::SceneData;
@@ -244,7 +244,8 @@ impl Plan {
         check_limits(gpu, &buffers, memory_bytes)?;
         let submits_of_tile = u64::from(dispatches.div_ceil(DISPATCHES_PER_SUBMIT));
         let submits = u64::from(tiles) * scene.views.len() as u64 * submits_of_tile;
-        let copies = copies_of(&images, &buffers);
+        let half = buffers.iter().find(|buffer| buffer.name == "staging_half_0");
+        let copies = half.map_or(0, |half| copies_of(&images, half.bytes));
         Ok(Plan {
             device: gpu.facts().name.clone(),
             driver: gpu.facts().driver.clone(),
@@ -320,6 +321,15 @@ impl Plan {
         if !paging.bricks.skipping {
             left_out.add("skipping of bricks that show nothing", "--no-skipping");
         }
+        if !paging.bricks.march.early_stop {
+            left_out.add("early stop", "early_stop = 0");
+        }
+        if paging.copy_path == CopyPath::Straight {
+            left_out.add("upload buffer and its pass", "bricks are copied straight into slots");
+        }
+        if !paging.bricks.show_states {
+            left_out.add("tints of rays by what they met", "no --show-states");
+        }
         let atlas_bytes = images.iter().map(|image| image.memory_bytes).sum();
         let memory_bytes =
             atlas_bytes + buffers.iter().map(|buffer| buffer.memory_bytes).sum::<u64>();
@@ -393,6 +403,9 @@ impl LeftOut {
         }
         if shape.channels.len() == 1 {
             self.add("mixing of channels", "the scene shows one");
+        }
+        if !shape.searches() {
+            self.add("search of transfer segments", "few enough to select from");
         }
         if !shape.preintegrated {
             self.add("spans between samples", "the integrator is riemann");

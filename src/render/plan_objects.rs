@@ -44,7 +44,7 @@ pub(super) fn plan_buffers(
     if let Some(largest) = images.iter().map(image_bytes).max() {
         let row = images.iter().map(row_bytes).max().unwrap_or(1);
         let half = ((data.scene.memory.staging_mib << 20) / 2).min(largest).max(row);
-        specs.extend(Staging::specs(half));
+        specs.extend(Staging::specs(half, copies_of(images, half)));
     }
     planned_buffers(gpu, specs)
 }
@@ -63,9 +63,8 @@ pub(super) fn planned_buffers(gpu: &Gpu, specs: Vec<BufferSpec>) -> Vec<PlannedB
         .collect()
 }
 
-/// Copies that fill all images through the staging halves; see `upload`.
-pub(super) fn copies_of(images: &[PlannedImage], buffers: &[PlannedBuffer]) -> u64 {
-    let half = buffers.iter().find(|b| b.name == "staging_half_0").map_or(1, |b| b.bytes);
+/// Copies that fill all images through staging halves of `half` bytes; see `upload`.
+pub(super) fn copies_of(images: &[PlannedImage], half: u64) -> u64 {
     let copies = |image: &PlannedImage| {
         let [width, height, depth] = image.size.map(u64::from);
         let rows = (half / (width * image.spec.format.bytes())).max(1);
@@ -98,6 +97,7 @@ pub(super) fn objects(
     submits: u64,
     copies: u64,
 ) -> BTreeMap<&'static str, u64> {
+    let halves = buffers.iter().filter(|b| b.name.starts_with("staging_half_")).count() as u64;
     let (buffers, images) = (buffers.len() as u64, images.len() as u64);
     let transfers = u64::from(images > 0);
     let in_flight = IN_FLIGHT_MAX as u64;
@@ -111,10 +111,7 @@ pub(super) fn objects(
         (ObjectKind::Semaphore, 1 + transfers),
         (ObjectKind::CommandPool, 1 + transfers),
         (ObjectKind::CommandBuffer, submits.min(in_flight) + copies.min(in_flight)),
-        (
-            ObjectKind::QueryPool,
-            timed(RoleKind::Render) + 2 * transfers * timed(RoleKind::Transfer),
-        ),
+        (ObjectKind::QueryPool, timed(RoleKind::Render) + halves * timed(RoleKind::Transfer)),
     ];
     let of_passes = ObjectsOfPipeline::COUNTS.map(|(kind, count)| (kind, count * passes));
     counts

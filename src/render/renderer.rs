@@ -15,6 +15,7 @@ use crate::passes::march_shape::FilterShape;
 use crate::render::frame::{self, Tile};
 use crate::render::paging::{self, Paged, RoundPicture, Watch};
 use crate::render::plan::{DISPATCHES_PER_SUBMIT, Plan};
+use crate::render::plan_objects::copies_of;
 use crate::render::scene_data::SceneData;
 use crate::render::statistics::{Statistics, peak_rss_bytes};
 use crate::render::tracing;
@@ -147,7 +148,9 @@ impl Renderer {
         }
         if !plan.images.is_empty() && plan.paging.is_none() {
             let (_, voxels) = data.volume()?;
-            let mut staging = Staging::new(gpu, plan.buffer("staging_half_0").spec.bytes)?;
+            let half_bytes = plan.buffer("staging_half_0").spec.bytes;
+            let copies = copies_of(&plan.images, half_bytes);
+            let mut staging = Staging::for_copies(gpu, half_bytes, copies)?;
             let upload_span = tracing::begin_uploads(trace, &mut staging);
             for planned in &plan.images {
                 let image = Image::new(gpu, &planned.spec)?;

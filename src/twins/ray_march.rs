@@ -5,9 +5,13 @@ use crate::twins::exponential::attenuate;
 use crate::twins::filter::{Texels, filtered};
 use crate::twins::fixed_point::{Fixed3, fixed_advance, fixed_float, fixed_fraction};
 use crate::twins::limits::BLOCK_SAMPLES;
+use crate::twins::macrocells::{
+    CODE_SHOWS, LEVEL_MAX, LEVEL_WHOLE, LEVELS_OF_DEPTH, code_at, length_of, level_of,
+};
 use crate::twins::preintegrate::{Content, Point, Span, composite_span};
 use crate::twins::ray::{RayGeometry, RayState};
 use crate::twins::transfer::{TransferSegment, classify};
+use crate::volume::Macrocells;
 
 /// A channel as the shader sees it.
 pub enum Channel<'a> {
@@ -34,13 +38,24 @@ pub enum Channel<'a> {
 
 /// What shapes the shader beside its channels.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings {
+pub struct Settings<'a> {
     /// Blocks of samples to take at most.
     pub blocks_max: u32,
     /// A ray ends when less than this is transmitted; nothing: never.
     pub early_stop: Option<f32>,
     /// A sample is two spans, between its place and half a step before and after it.
     pub preintegrated: bool,
+    /// Codes of macrocells; nothing: every sample is taken.
+    pub macrocells: Option<MacrocellCodes<'a>>,
+}
+
+/// What rays do with macrocells.
+#[derive(Clone, Copy, Debug)]
+pub enum MacrocellCodes<'a> {
+    /// Samples in those that show nothing are left out.
+    Skipping(&'a Macrocells<u8>),
+    /// That, and steps are as long as they allow.
+    Adaptive(&'a Macrocells<u8>),
 }
 
 /// Takes up to the settings' blocks of samples of one ray.
@@ -48,7 +63,7 @@ pub fn march_ray<'a>(
     geometry: &RayGeometry,
     state: &mut RayState,
     channels: &[Channel<'a>],
-    settings: &Settings,
+    settings: &Settings<'_>,
 ) {
     let start = Fixed3 { cell: geometry.start_cell, fraction: geometry.start_fraction };
     let delta = Fixed3 { cell: geometry.delta_cell, fraction: geometry.delta_fraction };
@@ -68,12 +83,52 @@ pub fn march_ray<'a>(
             let within = std::array::from_fn(|a| position[a] - cell[a]);
             (std::array::from_fn(|a| anchor.cell[a] + cell[a] as i32 + 1), within)
         };
-        if settings.preintegrated {
+        let code = |codes: &Macrocells<u8>, steps: f32| code_at(codes, place(steps).0);
+        let shows = |codes: &Macrocells<u8>, index: u32, points: &[f32]| {
+            points.iter().any(|point| code(codes, index as f32 + point) >= CODE_SHOWS)
+        };
+        let shown = |index: u32| match settings.macrocells {
+            Some(MacrocellCodes::Skipping(codes)) if settings.preintegrated => {
+                shows(codes, index, &ENDS_AND_MIDDLE)
+            }
+            Some(MacrocellCodes::Skipping(codes)) => shows(codes, index, &[0.0]),
+            _ => true,
+        };
+        if let Some(MacrocellCodes::Adaptive(codes)) = settings.macrocells {
+            let depth = state.optical_depth;
+            let intervals: Vec<Interval> = (0..samples)
+                .map(|index| {
+                    let of = |point: &f32| code(codes, index as f32 + point);
+                    let codes = ENDS_AND_MIDDLE.iter().map(of).filter(|code| *code >= CODE_SHOWS);
+                    let levels = codes.map(|code| level_of(code, depth));
+                    levels.min().map_or(Interval::EMPTY, |level| Interval { shows: true, level })
+                })
+                .collect();
+            for (start, level) in joined(&intervals) {
+                let longer = (level + (block.depth * LEVELS_OF_DEPTH) as u32)
+                    .min(level.max(LEVEL_WHOLE));
+                let length = length_of(longer);
+                let mut from = 0.0;
+                while from < 1.0 {
+                    let (corner, within) = place(start as f32 - 0.5 + from + 0.5 * length);
+                    block.composite(
+                        mixed(channels, corner, within),
+                        length * geometry.step_world,
+                    );
+                    state.samples_taken += 1;
+                    from += length;
+                }
+            }
+        } else if settings.preintegrated {
             let points: Vec<Vec<Point>> = (0..2 * samples + 1)
                 .map(|index| place(0.5 * index as f32 - 0.5))
                 .map(|(corner, within)| points_at(channels, corner, within))
                 .collect();
-            for first in (0..2 * samples as usize).step_by(2) {
+            let shown: Vec<bool> = (0..samples).map(shown).collect();
+            let begins = |at: usize| shown[at] && (at == 0 || !shown[at - 1]);
+            for at in (0..samples as usize).filter(|at| shown[*at]) {
+                state.samples_taken += if begins(at) { 3 } else { 2 };
+                let first = 2 * at;
                 let [start, middle, end] = [0, 1, 2].map(|at| &points[first + at]);
                 let spans: Vec<[Span; 2]> = (0..channels.len())
                     .map(|channel| {
@@ -91,13 +146,12 @@ pub fn march_ray<'a>(
                     composite_span(&mut block, &contents, 0.5 * geometry.step_world);
                 }
             }
-            state.samples_taken += 2 * samples + 1;
         } else {
-            for index in 0..samples {
+            for index in (0..samples).filter(|index| shown(*index)) {
                 let (corner, within) = place(index as f32);
                 block.composite(mixed(channels, corner, within), geometry.step_world);
+                state.samples_taken += 1;
             }
-            state.samples_taken += samples;
         }
         join_block(state, &block);
         state.next_sample += samples;
@@ -107,6 +161,43 @@ pub fn march_ray<'a>(
             state.next_sample = geometry.sample_count;
         }
     }
+}
+
+/// A sample's points, in steps from its middle.
+const ENDS_AND_MIDDLE: [f32; 3] = [-0.5, 0.0, 0.5];
+
+/// A step of the ray, or a part of it, or several.
+#[derive(Clone, Copy, Debug)]
+struct Interval {
+    shows: bool,
+    level: u32,
+}
+
+impl Interval {
+    const EMPTY: Interval = Interval { shows: false, level: LEVEL_MAX };
+}
+
+/// Where samples start, with their levels: four or two aligned intervals that all allow it are joined;
+/// those that show nothing are left out.
+fn joined(intervals: &[Interval]) -> Vec<(usize, u32)> {
+    let mut starts = Vec::new();
+    let mut at = 0;
+    while at < intervals.len() {
+        let group = |edge: usize, level: u32| {
+            let group = intervals.get(at..at + edge).filter(|_| at.is_multiple_of(edge));
+            group.filter(|group| group.iter().all(|interval| interval.level >= level))
+        };
+        let (group, level) = match (group(4, LEVEL_MAX), group(2, LEVEL_MAX - 1)) {
+            (Some(four), _) => (four, LEVEL_MAX),
+            (None, Some(two)) => (two, LEVEL_MAX - 1),
+            (None, None) => (&intervals[at..=at], intervals[at].level.min(LEVEL_WHOLE)),
+        };
+        if group.iter().any(|interval| interval.shows) {
+            starts.push((at, level));
+        }
+        at += group.len();
+    }
+    starts
 }
 
 /// A point of every channel; of channels of one value, nothing.

@@ -1,8 +1,6 @@
 //! The plan of a paged scene against what is created, what an atlas may take, and that nothing of paging
 //! exists where nothing is paged.
 
-use std::collections::BTreeMap;
-
 use ashfall::error::Exit;
 use ashfall::render::paging::{CopyPath, LoadOrder};
 use ashfall::render::{Addressing, Plan, Renderer, SceneData, Settings};
@@ -10,6 +8,7 @@ use ashfall::scene::{Overrides, Refine};
 use ashfall::volume::VoxelFormat;
 
 use crate::binary::{Folder, ashfall};
+use crate::common::created::assert_as_planned;
 use crate::common::drawing::Device;
 use crate::worlds::{
     Look, at_level_0, bricks, bytes_volume, channel, finished, hill, other_hill, paged, scene,
@@ -66,22 +65,7 @@ fn a_paged_renderer_creates_what_the_plan_lists_and_nothing_else() {
         let statistics = draw(&mut renderer);
         assert!(statistics.converged && statistics.rounds > 2, "{name}: {statistics:?}");
         let plan = renderer.plan().clone();
-        let created: BTreeMap<_, _> =
-            device.gpu.census.counts().into_iter().map(|(kind, n)| (kind.name(), n)).collect();
-        assert_eq!(created, plan.objects, "{name}: objects");
-        let ledger = device.gpu.ledger.entries();
-        let planned = plan.buffers.iter().map(|buffer| (buffer.name, buffer.memory_bytes));
-        let planned =
-            planned.chain(plan.images.iter().map(|image| (image.name, image.memory_bytes)));
-        for (resource, bytes) in planned {
-            let entry = ledger.get(resource).copied().unwrap_or_default();
-            assert_eq!(entry.bytes_max, bytes, "{name}: bytes of {resource}");
-        }
-        let total: u64 = ledger.values().map(|entry| entry.bytes_max).sum();
-        assert_eq!(total, plan.memory_bytes, "{name}: nothing unplanned is allocated");
-        let atlases = ledger.iter().filter(|(resource, _)| resource.starts_with("atlas_"));
-        let atlas_bytes: u64 = atlases.map(|(_, entry)| entry.bytes_max).sum();
-        assert_eq!(atlas_bytes, plan.atlas_bytes, "{name}: bytes of atlases");
+        assert_as_planned(&device, &plan, name);
         assert!(plan.atlas_bytes <= data.scene.memory.atlas_mib << 20, "{name}: a hard limit");
         device.finish();
     }

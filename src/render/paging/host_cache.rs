@@ -68,6 +68,8 @@ pub struct HostCache {
     constants: HashMap<[u32; 4], u32>,
     constant_texels: Vec<[f32; 4]>,
     constants_written: usize,
+    /// Of them, at most.
+    constants_max: u32,
     failed: BTreeMap<BrickId, Error>,
     loaded: HashSet<BrickId>,
     /// Came before a slot was kept for them.
@@ -82,12 +84,13 @@ pub struct HostCache {
 
 impl HostCache {
     /// Nothing is known yet. `slot_first`: first slot of every atlas; `held`: bricks that are loaded first
-    /// and never given up.
+    /// and never given up; `constants_max`: room for so many values of bricks of one value.
     pub fn new(
         numbers: BrickNumbers,
         judges: HashMap<u16, Judge>,
         slot_first: Vec<u32>,
         held: Vec<BrickId>,
+        constants_max: u32,
     ) -> HostCache {
         HostCache {
             numbers,
@@ -102,6 +105,7 @@ impl HostCache {
             constants: HashMap::new(),
             constant_texels: Vec::new(),
             constants_written: 0,
+            constants_max,
             failed: BTreeMap::new(),
             loaded: HashSet::new(),
             ahead: HashSet::new(),
@@ -207,7 +211,7 @@ impl HostCache {
         let count = self.constants.len() as u32;
         let number = match self.constants.get(&texel.map(f32::to_bits)) {
             Some(number) => *number,
-            None if count == CONSTANTS_MAX => {
+            None if count == self.constants_max => {
                 self.counts.constants_overflow += 1;
                 return None;
             }
@@ -396,6 +400,10 @@ impl HostCache {
         self.surveyed_in_part.clear();
         self.wanted.clear();
         self.updates.clear();
+        // No round is under way, and no entry of before is left that would name one.
+        self.constants.clear();
+        self.constant_texels.clear();
+        self.constants_written = 0;
         self.failed.clear();
         self.surveys_pending = 0;
         self.floor = self.held.iter().copied().collect();

@@ -118,6 +118,7 @@ impl Paged {
                 plan.judges.clone(),
                 slot_first,
                 plan.held.clone(),
+                plan.constants_max(),
             ),
             rays: RayBuffers {
                 ray_geometry: make("ray_geometry")?,

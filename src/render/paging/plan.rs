@@ -32,7 +32,7 @@ use crate::volume::{BrickId, VoxelFormat, WorldFromVoxel};
 const ATLAS_NAMES: [&str; 4] = ["atlas_0", "atlas_1", "atlas_2", "atlas_3"];
 /// Slots that one round grants, and requests that it lists, at most.
 const LIST_MAX: u32 = 4096;
-/// Updates that one round publishes, at most.
+/// Updates that one round publishes, at most; where a volume has fewer entries, one each.
 const UPDATES_MAX: u32 = 65_536;
 /// With fewer slots than this, four times as many smaller ones are worth more than fewer fetches.
 const QUADS_SLOTS_MIN: u32 = 64;
@@ -138,7 +138,7 @@ impl PagingPlan {
         let slots_max =
             atlases.plans.iter().map(|plan| plan.layout.slot_count()).max().unwrap_or(1);
         let slot = atlases.plans[0].layout.slot;
-        let residency = ResidencyShape {
+        let mut residency = ResidencyShape {
             ranks,
             rank_count: views.iter().map(|view| view.ranks).max().unwrap_or(1),
             grants_max: slots_max.min(LIST_MAX),
@@ -146,6 +146,7 @@ impl PagingPlan {
             updates_max: UPDATES_MAX,
             atlases: atlases.plans,
         };
+        residency.updates_max = UPDATES_MAX.min(residency.entries());
         let bricks = BrickShape {
             march: Shape {
                 channels: shapes,
@@ -193,6 +194,11 @@ impl PagingPlan {
         self.views.iter().map(|view| view.samples_of_ray_max).fold(1.0, f64::max)
     }
 
+    /// Different values that bricks of one value may have, at most: no more than there are bricks.
+    pub fn constants_max(&self) -> u32 {
+        CONSTANTS_MAX.min(self.residency.entries())
+    }
+
     /// Every buffer.
     pub fn buffers(&self, rays_count: u64) -> Vec<BufferSpec> {
         let spec = |name, bytes, home| BufferSpec { name, bytes, home };
@@ -205,7 +211,7 @@ impl PagingPlan {
                 of(self.segments.len(), size_of::<TransferSegment>()),
                 MemoryHome::Upload,
             ),
-            spec("constants", u64::from(CONSTANTS_MAX) * 16, MemoryHome::Upload),
+            spec("constants", u64::from(self.constants_max()) * 16, MemoryHome::Upload),
             spec("picture", per_ray(16), MemoryHome::Readback),
             spec("counters", 8, MemoryHome::Readback),
             spec("ray_geometry", per_ray(size_of::<RayGeometry>()), MemoryHome::Device),
@@ -219,7 +225,7 @@ impl PagingPlan {
             specs.push(spec("placements", of(bricks, size_of::<Placement>()), MemoryHome::Upload));
         }
         specs.extend(self.residency.buffers());
-        specs.extend(Staging::specs(self.staging_half_bytes));
+        specs.extend(Staging::specs(self.staging_half_bytes, u64::MAX));
         specs
     }
 

@@ -13,6 +13,7 @@ mod cameras;
 mod fields;
 mod measure;
 mod places;
+pub mod suite;
 mod transfers;
 mod values;
 
