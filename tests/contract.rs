@@ -11,7 +11,7 @@ use ashfall::gpu::{
 };
 use ashfall::passes::brick_shape::{AtlasShape, BrickShape};
 use ashfall::passes::cache_buffers::{RankOrder, RankShape};
-use ashfall::passes::march_shape::{ChannelShape, FilterShape, Shape};
+use ashfall::passes::march_shape::{ChannelShape, FilterShape, MacrocellUse, Shape};
 use ashfall::passes::probe::{self, ProbeShape};
 use ashfall::passes::{
     SOURCES, cast, choose, count, grant, march, place, publish, rays, resolve, scan, tally,
@@ -234,7 +234,16 @@ fn shape(channels: &[ChannelShape], filter: FilterShape) -> Shape {
         early_stop: false,
         nan_voxels: false,
         preintegrated: false,
+        macrocells: MacrocellUse::Unused,
     }
+}
+
+fn skipping(shape: Shape) -> Shape {
+    Shape { macrocells: MacrocellUse::Skipping, ..shape }
+}
+
+fn adaptive(shape: Shape) -> Shape {
+    Shape { macrocells: MacrocellUse::Adaptive, ..shape }
 }
 
 fn spans(shape: Shape) -> Shape {
@@ -266,6 +275,10 @@ fn shapes() -> Vec<Shape> {
         spans(shape(&[SCALAR], Quads)),
         spans(full(shape(&[RGBA], Fetch))),
         spans(shape(&[SCALAR, Constant, RGBA], Fetch)),
+        skipping(shape(&[SCALAR], Sampler)),
+        skipping(spans(shape(&[SCALAR], Quads))),
+        adaptive(shape(&[SCALAR], Quads)),
+        adaptive(full(shape(&[SCALAR, Constant, RGBA], Fetch))),
         spans(full(shape(&[ChannelShape::Scalar { segments: 25 }], Fetch))),
     ]
 }

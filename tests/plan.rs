@@ -132,6 +132,7 @@ fn the_plainest_scene_binds_nothing_it_does_not_read() {
             filter: ashfall::passes::march_shape::FilterShape::Fetch,
             early_stop: false,
             preintegrated: false,
+            macrocells: ashfall::passes::march_shape::MacrocellUse::Unused,
             nan_voxels: false,
         },
         1,

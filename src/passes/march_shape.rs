@@ -191,7 +191,7 @@ pub struct SceneResources<'r> {
     pub transfer: &'r Buffer,
     /// One per channel that has an image.
     pub channels: &'r [Image],
-    /// Codes of macrocells, where rays read them.
+    /// Codes of macrocells, where there are any.
     pub macrocells: Option<&'r Image>,
     /// For every image.
     pub sampler: Option<&'r Sampler>,
@@ -204,8 +204,9 @@ impl<'r> SceneResources<'r> {
         dispatch: Dispatch<'a, 'r>,
         pipeline: &ComputePipeline,
     ) -> Dispatch<'a, 'r> {
-        let searched = pipeline.variant().defines.iter().any(|(name, _)| name == "TRANSFER_SEARCH");
-        let dispatch = if searched {
+        let has =
+            |macro_name| pipeline.variant().defines.iter().any(|(name, _)| name == macro_name);
+        let dispatch = if has("TRANSFER_SEARCH") {
             dispatch.read("transfer", self.transfer)
         } else {
             dispatch.uniform("transfer", self.transfer)
@@ -214,7 +215,7 @@ impl<'r> SceneResources<'r> {
             Some(sampler) => {
                 let images: Vec<_> = self.channels.iter().map(|image| (image, sampler)).collect();
                 let dispatch = dispatch.sample("channels", &images);
-                match self.macrocells {
+                match self.macrocells.filter(|_| has("MACROCELLS")) {
                     Some(macrocells) => dispatch.sample("macrocells", &[(macrocells, sampler)]),
                     None => dispatch,
                 }

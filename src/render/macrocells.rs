@@ -88,7 +88,13 @@ impl PlannedMacrocells {
             true => (Some(codes.step_edges), Some(codes.step_edges * INTERVAL_STEPS)),
             false => (None, None),
         };
-        Ok(Some(PlannedMacrocells { count, hidden: codes.hidden, finest_edges, interval_edges, codes: codes.codes }))
+        Ok(Some(PlannedMacrocells {
+            count,
+            hidden: codes.hidden,
+            finest_edges,
+            interval_edges,
+            codes: codes.codes,
+        }))
     }
 
     /// The image that holds the codes.
@@ -267,7 +273,8 @@ struct Integrand {
 
 fn integrand(segment: &TransferSegment, at: f64) -> Integrand {
     let along = at - f64::from(segment.begins_at);
-    let part = |part: usize| f64::from(segment.start[part]) + f64::from(segment.slope[part]) * along;
+    let part =
+        |part: usize| f64::from(segment.start[part]) + f64::from(segment.slope[part]) * along;
     let slope = |part: usize| f64::from(segment.slope[part]);
     let (extinction, rise) = (part(3), slope(3));
     let product = |at: usize| if at < 3 { extinction * part(at) } else { extinction };

@@ -210,12 +210,11 @@ impl Plan {
             left_out.add("macrocells", why);
         }
 
-        let step_world = (!homogeneous)
-            .then(|| {
-                let planned = macrocells.as_ref().and_then(|planned| planned.interval_edges);
-                let edges = planned.unwrap_or(scene.quality.sample_edges());
-                edges * voxels.world_from_voxel.smallest_edge()
-            });
+        let step_world = (!homogeneous).then(|| {
+            let planned = macrocells.as_ref().and_then(|planned| planned.interval_edges);
+            let edges = planned.unwrap_or(scene.quality.sample_edges());
+            edges * voxels.world_from_voxel.smallest_edge()
+        });
         let samples_of_ray_max = samples_of_ray_max(&voxels, step_world)?;
         let dispatches = dispatches_of(samples_of_ray_max, settings, &shape);
 

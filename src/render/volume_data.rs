@@ -8,8 +8,8 @@ use crate::error::{Error, Result};
 use crate::scene;
 use crate::source::{BrickSource, ChannelDescription, read_checked};
 use crate::volume::{
-    BRICK_APRON, BrickBox, BrickId, ChannelVoxels, Macrocells, Size3, ValueRange, VolumeVoxels, Voxel,
-    VoxelFormat, Voxels, WorldFromVoxel, with_voxel_type,
+    BRICK_APRON, BrickBox, BrickId, ChannelVoxels, Macrocells, Size3, ValueRange, VolumeVoxels,
+    Voxel, VoxelFormat, Voxels, WorldFromVoxel, with_voxel_type,
 };
 
 /// Where a volume's bricks come from, and which channels of it are shown.

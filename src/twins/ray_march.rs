@@ -105,16 +105,13 @@ pub fn march_ray<'a>(
                 })
                 .collect();
             for (start, level) in joined(&intervals) {
-                let longer = (level + (block.depth * LEVELS_OF_DEPTH) as u32)
-                    .min(level.max(LEVEL_WHOLE));
+                let longer =
+                    (level + (block.depth * LEVELS_OF_DEPTH) as u32).min(level.max(LEVEL_WHOLE));
                 let length = length_of(longer);
                 let mut from = 0.0;
                 while from < 1.0 {
                     let (corner, within) = place(start as f32 - 0.5 + from + 0.5 * length);
-                    block.composite(
-                        mixed(channels, corner, within),
-                        length * geometry.step_world,
-                    );
+                    block.composite(mixed(channels, corner, within), length * geometry.step_world);
                     state.samples_taken += 1;
                     from += length;
                 }

@@ -112,7 +112,12 @@ fn pictures_equal_the_twin_and_the_staged_way() {
             background: [0.1, 0.7, 2.0],
             unused_0: 0,
         };
-        let settings = Settings { blocks_max: push.blocks_max, early_stop, preintegrated: false };
+        let settings = Settings {
+            blocks_max: push.blocks_max,
+            early_stop,
+            preintegrated: false,
+            macrocells: None,
+        };
         let (wanted, taken) = medium.with_channels(&conversion, |channels| {
             twins::cast::cast(&views, channels, &settings, &push)
         });

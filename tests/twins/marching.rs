@@ -1,11 +1,11 @@
 //! march.comp against twins::march: ray states of random rays through random media.
 
-use ashfall::passes::march_shape::FilterShape;
+use ashfall::passes::march_shape::{FilterShape, MacrocellUse};
 use ashfall::render::open_both_ends;
 use ashfall::twins::exponential::attenuate;
 use ashfall::twins::march::march;
 use ashfall::twins::ray::{RayGeometry, RayState};
-use ashfall::twins::ray_march::Settings;
+use ashfall::twins::ray_march::{MacrocellCodes, Settings};
 
 use crate::common::device::{Device, device};
 use crate::scene::{Kind, Medium, Powers, TAME, WILD, blocks_of, inner_rays, marched};
@@ -69,13 +69,25 @@ struct Case<'a> {
 
 fn check(device: &Device, conversion: &Conversion, random: &mut Random, case: &Case) {
     let mut medium = Medium::random(random, SIZE, case.channels, case.extinctions);
-    check_integrator(device, conversion, random, case, &medium, false);
+    let mut ways = vec![MacrocellUse::Unused];
+    if medium.kinds.iter().any(|kind| *kind != Kind::Constant) {
+        ways.push(MacrocellUse::Skipping);
+    }
+    for macrocells in &ways {
+        check_integrator(device, conversion, random, case, &medium, (false, *macrocells));
+    }
+    if ways.len() > 1 {
+        let adaptive = (false, MacrocellUse::Adaptive);
+        check_integrator(device, conversion, random, case, &medium, adaptive);
+    }
     for (kind, segments) in medium.kinds.iter().zip(&mut medium.segments) {
         if *kind != Kind::Constant {
             open_both_ends(segments);
         }
     }
-    check_integrator(device, conversion, random, case, &medium, true);
+    for macrocells in ways {
+        check_integrator(device, conversion, random, case, &medium, (true, macrocells));
+    }
 }
 
 fn check_integrator(
@@ -84,13 +96,19 @@ fn check_integrator(
     random: &mut Random,
     case: &Case,
     medium: &Medium,
-    preintegrated: bool,
+    (preintegrated, macrocells): (bool, MacrocellUse),
 ) {
     let geometry = inner_rays(random, SIZE, RAYS);
     let before = states(random, &geometry, case.extinctions);
     let blocks_max = blocks_of(&geometry);
     let mut wanted = before.clone();
-    let settings = Settings { blocks_max, early_stop: case.early_stop, preintegrated };
+    let codes = match macrocells {
+        MacrocellUse::Unused => None,
+        MacrocellUse::Skipping => Some(MacrocellCodes::Skipping(&medium.codes)),
+        MacrocellUse::Adaptive => Some(MacrocellCodes::Adaptive(&medium.codes)),
+    };
+    let settings =
+        Settings { blocks_max, early_stop: case.early_stop, preintegrated, macrocells: codes };
     medium.with_channels(conversion, |channels| {
         march(&geometry, &mut wanted, channels, &settings);
     });
@@ -98,7 +116,7 @@ fn check_integrator(
     assert!(wanted.iter().zip(&geometry).all(ended), "{}: every ray ends", case.what);
     let moved = wanted.iter().zip(&before).filter(|(after, before)| after != before).count();
     assert!(moved * 2 > RAYS, "{}: {moved} rays moved", case.what);
-    if case.early_stop.is_some() {
+    if case.early_stop.is_some() && macrocells == MacrocellUse::Unused {
         let early = wanted.iter().zip(&before).zip(&geometry).filter(|((after, before), ray)| {
             let taken = after.samples_taken / if preintegrated { 2 } else { 1 };
             before.next_sample == 0 && taken < ray.sample_count
@@ -118,13 +136,15 @@ fn check_integrator(
     for filter in filters {
         let mut shape = medium.shape(*filter, case.early_stop.is_some());
         shape.preintegrated = preintegrated;
+        shape.macrocells = macrocells;
         let pipeline = device.pipeline(&shape.variant("march"));
         let scene = medium.on(device, *filter);
         let march = |blocks: &[u32]| {
             marched(device, &pipeline, &scene, &geometry, &before, case.early_stop, blocks)
         };
         let got = march(&[blocks_max]);
-        let what = format!("{}, {filter:?}, preintegrated: {preintegrated}", case.what);
+        let what =
+            format!("{}, {filter:?}, {macrocells:?}, preintegrated: {preintegrated}", case.what);
         compare(device, &got, &wanted, tame, &what);
         // Resumed in other pieces: the same bits on every device.
         for blocks in [&vec![1; blocks_max as usize][..], &[2, 1, 0, 3, blocks_max]] {

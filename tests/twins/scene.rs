@@ -3,13 +3,17 @@
 use std::sync::Arc;
 
 use ashfall::gpu::{Buffer, ComputePipeline, Image, Sampler, SamplerFilter};
-use ashfall::passes::march_shape::{ChannelShape, FilterShape, SceneResources, Shape};
+use ashfall::passes::march_shape::{
+    ChannelShape, FilterShape, MacrocellUse, SceneResources, Shape,
+};
 use ashfall::passes::{cast, march};
 use ashfall::twins::filter::Texels;
 use ashfall::twins::limits::BLOCK_SAMPLES;
+use ashfall::twins::macrocells::{CODE_SHOWS, REACH_MAX};
 use ashfall::twins::ray::{RayGeometry, RayState};
 use ashfall::twins::ray_march::Channel;
 use ashfall::twins::transfer::TransferSegment;
+use ashfall::volume::{Macrocells, Size3};
 
 use crate::common::device::Device;
 use crate::texels::{Conversion, Raw, Texture};
@@ -39,6 +43,8 @@ pub struct Medium {
     pub kinds: Vec<Kind>,
     textures: Vec<Option<Texture>>,
     pub segments: Vec<Vec<TransferSegment>>,
+    /// Some show nothing, whatever is in their voxels.
+    pub codes: Macrocells<u8>,
 }
 
 /// Extinctions of a transfer function: powers of ten.
@@ -81,7 +87,8 @@ impl Medium {
         let textures = of.iter().map(|(kind, _)| texture(random, *kind)).collect();
         let segments = of.iter().map(|&(kind, count)| transfer(random, kind, count, at)).collect();
         let kinds = of.iter().map(|(kind, _)| *kind).collect();
-        Medium { size, kinds, textures, segments }
+        let codes = codes(random, size);
+        Medium { size, kinds, textures, segments, codes }
     }
 
     pub fn shape(&self, filter: FilterShape, early_stop: bool) -> Shape {
@@ -96,6 +103,7 @@ impl Medium {
             early_stop,
             nan_voxels: self.kinds.contains(&Kind::Holes),
             preintegrated: false,
+            macrocells: MacrocellUse::Unused,
         }
     }
 
@@ -131,7 +139,14 @@ impl Medium {
         let images: Vec<Image> = images.map(|texture| texture.image(device, filter)).collect();
         let sampler = (!images.is_empty())
             .then(|| Sampler::new(&device.gpu, SamplerFilter::Nearest).expect("a sampler"));
-        OnDevice { transfer: device.filled("transfer", &segments), images, sampler }
+        let codes =
+            Texture { size: self.codes.size.to_array(), raw: Raw::U8(self.codes.of.clone()) };
+        OnDevice {
+            transfer: device.filled("transfer", &segments),
+            images,
+            macrocells: codes.image(device, FilterShape::Fetch),
+            sampler,
+        }
     }
 }
 
@@ -139,6 +154,7 @@ impl Medium {
 pub struct OnDevice {
     transfer: Buffer,
     images: Vec<Image>,
+    macrocells: Image,
     sampler: Option<Sampler>,
 }
 
@@ -147,9 +163,28 @@ impl OnDevice {
         SceneResources {
             transfer: &self.transfer,
             channels: &self.images,
+            macrocells: Some(&self.macrocells),
             sampler: self.sampler.as_ref(),
         }
     }
+}
+
+/// Half of all macrocells show something, behind steps of any length; the others say how far it is.
+fn codes(random: &mut Random, size: [u32; 3]) -> Macrocells<u8> {
+    let [x, y, z] = size;
+    let size = Macrocells::<u8>::count(Size3::new(x, y, z));
+    let [x, y, z] = size.to_array();
+    let places = || (0..z).flat_map(|k| (0..y).flat_map(move |j| (0..x).map(move |i| [i, j, k])));
+    let shown: Vec<bool> = places().map(|_| random.unit() < 0.5).collect();
+    let code = |at: [u32; 3]| {
+        if shown[size.index(at[0], at[1], at[2])] {
+            return CODE_SHOWS + (random.unit() * 128.0) as u8;
+        }
+        let apart = |other: [u32; 3]| at.iter().zip(other).map(|(a, b)| a.abs_diff(b)).max();
+        let seen = places().filter(|[x, y, z]| shown[size.index(*x, *y, *z)]);
+        seen.filter_map(apart).min().map_or(REACH_MAX, |apart| (apart as u8).min(REACH_MAX))
+    };
+    Macrocells { size, of: places().map(code).collect() }
 }
 
 /// Pieces with a jump at each border, some borders twice in one place; windows that clamp both ends.

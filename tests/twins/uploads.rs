@@ -162,8 +162,12 @@ fn twin(
         background: BACKGROUND,
         unused_0: 0,
     };
-    let settings =
-        twins::ray_march::Settings { blocks_max: 1000, early_stop: None, preintegrated: false };
+    let settings = twins::ray_march::Settings {
+        blocks_max: 1000,
+        early_stop: None,
+        preintegrated: false,
+        macrocells: None,
+    };
     let views = [volume.rays(&data.scene.views[0], PICTURE)];
     twins::cast::cast(&views, &[channel], &settings, &push)
 }
