@@ -3,6 +3,7 @@
 
 mod common;
 
+use ashfall::render::paging::PagingSettings;
 use ashfall::render::{Layout, LayoutChoice, Settings};
 use ashfall::scene::Overrides;
 use common::drawing::{Device, Drawn, computed_scene, scene_data};
@@ -56,6 +57,73 @@ fn staging_size_does_not_matter() {
     let small = Overrides { staging_mib: Some(1), ..overrides(0.0) };
     let pieces = device.draw(&computed_scene("hydrogen", [130, 70, 90], &small), 0);
     assert!(bytes(&pieces) == bytes(&whole));
+    device.finish();
+}
+
+/// Settings that look at every sample.
+fn everything() -> Settings {
+    let paging = PagingSettings { skipping: false, ..PagingSettings::default() };
+    Settings { paging, ..Settings::default() }
+}
+
+#[test]
+fn leaving_out_what_shows_nothing_changes_no_byte() {
+    let Some(device) = Device::open() else { return };
+    let text = |source: &str, channels: usize| {
+        let channel = |index: usize| {
+            format!(
+                r#"
+[[volume.channel]]
+index = {index}
+window = [0.0, 1.0]
+transfer = [
+  {{ at = 0.0, color = [0.9, 0.2, 0.1], extinction = 0.0 }},
+  {{ at = 0.61, color = [0.9, 0.2, 0.1], extinction = 0.0 }},
+  {{ at = 0.63, color = [0.3, 0.9, 0.5], extinction = 40.0 }},
+  {{ at = 0.66, color = [0.1, 0.5, 0.9], extinction = 0.0 }},
+  {{ at = 0.98, color = [0.1, 0.5, 0.9], extinction = 0.0 }},
+  {{ at = 0.98, color = [0.8, 0.8, 0.9], extinction = 7.0 }},
+]
+"#
+            )
+        };
+        format!(
+            r#"
+format = 1
+[[volume]]
+source = {source}
+spacing = [0.01, 0.011, 0.013]
+{}
+[[view]]
+eye = [2.0, 1.3, 1.7]
+target = [0.45, 0.45, 0.3]
+up = [0.0, 0.0, 1.0]
+fov_degrees = 30.0
+"#,
+            (0..channels).map(channel).collect::<String>()
+        )
+    };
+    let source = "{ computed = \"marschner-lobb\", size = [90, 83, 41] }";
+    for (integrator, step, filter) in [
+        ("riemann", 0.31, "exact"),
+        ("riemann", 3.0, "exact"),
+        ("preintegrated", 0.5, "exact"),
+        ("preintegrated", 7.3, "exact"),
+    ] {
+        let overrides = Overrides {
+            integrator: Some(integrator.to_owned()),
+            step: Some(step),
+            filter: Some(filter.to_owned()),
+            ..overrides(0.001)
+        };
+        let data = scene_data(&text(source, 1), &overrides);
+        let all = device.draw_with(&data, 0, &everything());
+        let some = device.draw(&data, 0);
+        assert!(bytes(&all) == bytes(&some), "{integrator}, step {step}: another picture");
+        let (all, some) = (all.statistics.samples, some.statistics.samples);
+        assert!(some * 5 < all * 4, "{integrator}, step {step}: {some} of {all} samples");
+        assert!(some > 0);
+    }
     device.finish();
 }
 

@@ -17,7 +17,7 @@ use crate::twins::transfer::TransferSegment;
 use crate::volume::{Macrocells, Size3, ValueRange, VoxelFormat, sanitized};
 
 /// Part of the tolerance that one feature of the integrand may cost: a ray meets many.
-const TOLERANCE_OF_FEATURE: f64 = 0.25;
+const TOLERANCE_OF_FEATURE: f64 = 0.15;
 /// Finest steps, in smallest voxel edges.
 const STEP_EDGES_LEAST: f64 = 1.0 / 512.0;
 /// The coarsest that finest steps are: intervals of one edge.
@@ -321,15 +321,15 @@ mod tests {
             shown[size.index(x, y, z)] = true;
         }
         let reach = reach(&shown, size);
+        let far = |[x, y, z]: [u32; 3], at: [u32; 3]| {
+            let apart = [x.abs_diff(at[0]), y.abs_diff(at[1]), z.abs_diff(at[2])];
+            apart.into_iter().max().unwrap_or(0)
+        };
         for z in 0..size.z {
             for y in 0..size.y {
                 for x in 0..size.x {
-                    let far = |at: [u32; 3]| {
-                        let apart = [x, y, z].iter().zip(at).map(|(a, b)| a.abs_diff(b));
-                        apart.max().expect("three axes")
-                    };
-                    let nearest = places.iter().map(|at| far(*at)).min().expect("two places");
-                    let expected = nearest.min(u32::from(REACH_MAX));
+                    let nearest = places.iter().map(|at| far([x, y, z], *at)).min();
+                    let expected = nearest.expect("two places").min(u32::from(REACH_MAX));
                     assert_eq!(u32::from(reach[size.index(x, y, z)]), expected, "{x} {y} {z}");
                 }
             }

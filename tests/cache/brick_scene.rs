@@ -3,7 +3,7 @@
 use ashfall::gpu::{Image, ImageFormat};
 use ashfall::passes::brick_shape::{AtlasShape, BrickShape};
 use ashfall::passes::cache_buffers::{RankOrder, RankShape};
-use ashfall::passes::march_shape::{ChannelShape, FilterShape, Shape};
+use ashfall::passes::march_shape::{ChannelShape, FilterShape, MacrocellUse, Shape};
 use ashfall::render::open_both_ends;
 use ashfall::twins::brick_march::{Channel, Scene};
 use ashfall::twins::filter::Texels;
@@ -176,6 +176,7 @@ impl BrickScene {
                 early_stop: self.spec.early_stop.is_some(),
                 nan_voxels: true,
                 preintegrated: self.spec.preintegrated,
+                macrocells: MacrocellUse::Unused,
             },
             places: self.places.clone(),
             atlases: self.world.atlases.iter().map(atlas).collect(),

@@ -240,7 +240,12 @@ impl Bench<'_> {
         let mut states = rays.states;
         let early_stop = self.scene.spec.early_stop;
         let preintegrated = self.scene.spec.preintegrated;
-        let settings = ray_march::Settings { blocks_max: u32::MAX, early_stop, preintegrated };
+        let settings = ray_march::Settings {
+            blocks_max: u32::MAX,
+            early_stop,
+            preintegrated,
+            macrocells: None,
+        };
         let channels = self.scene.whole();
         for (geometry, state) in rays.geometry.iter().zip(&mut states) {
             ray_march::march_ray(geometry, state, &channels, &settings);
