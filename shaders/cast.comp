@@ -5,6 +5,7 @@
 // reads    views     [view]     the view's rays, linear in the pixel, f64
 //          transfer  [segment]  transfer functions of all channels, one after another
 //          channels  [image]    voxels with an apron of one on every side; absent when every channel is constant
+//          macrocells  [image]  what macrocells show; MACROCELLS alone
 // writes   picture   [pixel]    linear rgb over the background, and alpha
 // updates  counters  [counter]  samples taken: low and high word
 // shape    one thread per pixel of the tile, 8 x 8 x 1

@@ -25,7 +25,7 @@ fn hold(theme: &str) {
     let theme = themes().into_iter().find(|one| one.name == theme).expect("a theme");
     let mut failures = Vec::new();
     for integrator in integrators() {
-        for case in &theme.cases {
+        for case in theme.cases.iter().filter(|case| case.is_drawn_by(integrator)) {
             let outcome = measure(&device.gpu, &device.compiler, case, integrator);
             let outcome = outcome.unwrap_or_else(|why| panic!("{}: {why}", case.name));
             println!(

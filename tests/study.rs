@@ -101,21 +101,27 @@ fn the_midpoint_rule_is_of_second_order_and_a_study_goes_on() {
     assert_eq!(order["integrator"], "preintegrated");
     let slope = order["observed"]["order"].as_f64().expect("an order");
     assert!(slope > 1.8, "{order}");
-    assert_eq!(rows.len(), 16, "four steps of two integrators, with early stop and without");
-    assert_eq!(first["measured_now"], 16);
+    let order = &first["orders"][2];
+    assert_eq!(
+        (&order["integrator"], &order["parameter"]),
+        (&"adaptive".into(), &"tolerance".into())
+    );
+    let what = "four steps of two integrators and five tolerances, with early stop and without";
+    assert_eq!(rows.len(), 26, "{what}");
+    assert_eq!(first["measured_now"], 26);
 
     // Nothing is left to do, whatever the order of steps.
     let again = json(&study(&folder, &SMALL));
     assert_eq!((&again["measured_now"], &again["settings"]), (&0.into(), &first["settings"]));
     let journal = folder.path("out/measurements.journal");
-    assert_eq!(lines(&journal).len(), 18, "study, reference, sixteen settings");
+    assert_eq!(lines(&journal).len(), 28, "study, reference, 26 settings");
 
     // Stopped while the last line was written.
     let bytes = std::fs::read(&journal).expect("read");
     std::fs::write(&journal, &bytes[..bytes.len() - 40]).expect("written");
     let resumed = json(&study(&folder, &SMALL));
     assert_eq!(resumed["measured_now"], 1);
-    assert_eq!(lines(&journal).len(), 18);
+    assert_eq!(lines(&journal).len(), 28);
     for (before, after) in rows.iter().zip(resumed["settings"].as_array().expect("settings")) {
         for figure in ["error", "samples"] {
             assert_eq!(before["measured"][figure], after["measured"][figure]);
@@ -125,10 +131,10 @@ fn the_midpoint_rule_is_of_second_order_and_a_study_goes_on() {
     // More is measured beside what is known; other runs are another measurement.
     let more = json(&study(&folder, &[&SMALL[..7], &["1,2"]].concat()));
     assert_eq!(more["measured_now"], 4, "step 2, with early stop and without");
-    assert_eq!(lines(&journal).len(), 22);
+    assert_eq!(lines(&journal).len(), 32);
     let twice = ["--json", "--repeats", "2", "--only", "step", "--steps", "1"];
-    assert_eq!(json(&study(&folder, &twice))["measured_now"], 4);
-    assert_eq!(lines(&journal).len(), 26);
+    assert_eq!(json(&study(&folder, &twice))["measured_now"], 14);
+    assert_eq!(lines(&journal).len(), 46);
 }
 
 /// Everything is swept once; every key of the object is explained in docs/STUDY.md.
@@ -161,7 +167,11 @@ fn every_axis_gives_rows_files_and_documented_keys() {
     assert_eq!((&table["view"], &table["size"]), (&"other".into(), &serde_json::json!([24, 20])));
     let rows = table["settings"].as_array().expect("settings");
     let of = |axis: &str| rows.iter().filter(|row| row["axis"] == axis).count();
-    assert_eq!((of("step"), of("filter"), of("early_stop")), (8, 1, 1), "what repeats is left out");
+    assert_eq!(
+        (of("step"), of("filter"), of("early_stop")),
+        (18, 1, 1),
+        "what repeats is left out"
+    );
     assert_eq!((of("level"), of("atlas")), (2, 2), "40 voxels have two levels");
     assert!(of("level_max") >= 1, "a pixel is larger than a voxel here");
     for row in rows {
@@ -324,7 +334,7 @@ fn bad_arguments_and_damaged_files_are_one_sentence() {
     // A journal that was cut within its first line begins anew.
     std::fs::write(&journal, &whole[..20]).expect("written");
     assert_eq!(study(&folder, &flags).code, Some(0));
-    assert_eq!(lines(&journal).len(), 10);
+    assert_eq!(lines(&journal).len(), 20);
 }
 
 /// A level drawn alone approximates the reference of that level, whose outermost voxels reach beyond a

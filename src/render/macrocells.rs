@@ -73,7 +73,8 @@ impl PlannedMacrocells {
             let from_texel = (layout.scale, layout.offset);
             let segments = transfer_segments(&volume.channels[index], scaling, from_texel);
             let judge = Judge { format, layout, segments, skipping: true };
-            channels.push(Channel { ranges: &ranges[index], judge });
+            let holes = of_channel.voxels.nan_count() > 0;
+            channels.push(Channel { ranges: &ranges[index], judge, holes });
         }
         let tolerance = adaptive.then(|| Tolerance {
             of_pixel: quality.tolerance,
@@ -123,6 +124,8 @@ struct Channel<'a> {
     ranges: &'a Macrocells<ValueRange>,
     /// Tells what is hidden.
     judge: Judge,
+    /// Whether some voxel is NaN: any cell may then end in nothing.
+    holes: bool,
 }
 
 /// Steps for a tolerance.
@@ -238,9 +241,8 @@ impl Change {
             }
             let points = [start, end].map(|at| integrand(segment, at));
             if let Some(before) = before {
-                for part in 0..4 {
-                    change.jump = change.jump.max((points[0].value[part] - before[part]).abs());
-                }
+                let apart = points[0].value.iter().zip(before).map(|(a, b)| (a - b).abs());
+                change.jump = apart.fold(change.jump, f64::max);
             }
             before = Some(points[1].value);
             for point in points {
@@ -255,6 +257,10 @@ impl Change {
         }
         let swing = (0..4).map(|part| greatest[part] - least[part]).fold(0.0, f64::max);
         change.swing = swing;
+        if channel.holes {
+            let most = greatest.iter().chain(&least).map(|part| part.abs()).fold(0.0, f64::max);
+            change.jump = change.jump.max(most);
+        }
         if channel.judge.format == VoxelFormat::Rgba8 {
             // Colours may go from one end to the other between two voxels.
             let most = greatest[3].max(0.0);

@@ -19,10 +19,6 @@ use crate::volume::{RawLayout, Size3, VoxelFormat, WorldFromVoxel};
 const PICTURE_EDGE_PIXELS_MAX: i64 = 32_768;
 /// Voxels along one axis: positions keep their integer part in 31 bits with room for differences.
 const VOLUME_EDGE_VOXELS_MAX: i64 = 1 << 24;
-/// Of a pixel: beneath it f32 does not tell pictures apart.
-const TOLERANCE_LEAST: f64 = 1e-6;
-/// Of a pixel: a quarter of a step of an 8-bit picture.
-const TOLERANCE_DEFAULT: f64 = 0.001;
 /// World units: lengths and places beyond have no picture in f32.
 const WORLD_MAX: f64 = 1e30;
 /// Voxel edges below have no picture either.
@@ -225,22 +221,20 @@ impl Check<'_> {
             file.integrator,
             "riemann".to_owned(),
         );
-        let integrator = match integrator.value.as_str() {
-            "riemann" => Integrator::Riemann,
-            "preintegrated" => Integrator::Preintegrated,
-            "adaptive" => Integrator::Adaptive,
-            other => {
-                return Err(integrator.place.error(format!(
-                    "integrator \"{other}\" is not known: use \"riemann\", \"preintegrated\" or \"adaptive\""
-                )));
-            }
-        };
+        let known = Integrator::ALL.into_iter().find(|known| known.name() == integrator.value);
+        let integrator = known.ok_or_else(|| {
+            integrator.place.error(format!(
+                "integrator \"{}\" is not known: use \"riemann\", \"preintegrated\" or \"adaptive\"",
+                integrator.value
+            ))
+        })?;
         let tolerance = self.pick_optional(overrides.tolerance, "--tolerance", file.tolerance);
         if let Some(tolerance) = &tolerance {
-            if !(TOLERANCE_LEAST..1.0).contains(&tolerance.value) {
+            let got = tolerance.value;
+            if !(Quality::TOLERANCE_LEAST..1.0).contains(&got) {
                 return Err(tolerance.place.error(format!(
-                    "tolerance must be at least {TOLERANCE_LEAST} and less than 1, got {}",
-                    tolerance.value
+                    "tolerance must be at least {} and less than 1, got {got}",
+                    Quality::TOLERANCE_LEAST
                 )));
             }
             if !integrator.has_tolerance() {
@@ -301,7 +295,7 @@ impl Check<'_> {
             refine,
             level_max,
             early_stop: early_stop.value,
-            tolerance: tolerance.map_or(TOLERANCE_DEFAULT, |tolerance| tolerance.value),
+            tolerance: tolerance.map_or(Quality::TOLERANCE_DEFAULT, |tolerance| tolerance.value),
         })
     }
 

@@ -64,6 +64,11 @@ pub struct Quality {
 }
 
 impl Quality {
+    /// Beneath it f32 does not tell pictures apart.
+    pub(crate) const TOLERANCE_LEAST: f64 = 1e-6;
+    /// A quarter of a step of an 8-bit picture.
+    pub(crate) const TOLERANCE_DEFAULT: f64 = 0.001;
+
     /// Greatest length of a sample of a ray, in smallest voxel edges of the level in use: one step, or two
     /// where a sample is integrated as two spans; these a little less, so that at step 0.5 both ends of a
     /// sample whose middle is in a brick are less than half a voxel outside and can be had from its slot.

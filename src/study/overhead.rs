@@ -192,7 +192,12 @@ impl Turns {
             let settings = Settings {
                 layout: LayoutChoice::Only(layout),
                 addressing,
-                paging: PagingSettings { marks, ..PagingSettings::default() },
+                // Against every sample: what the page table costs, and what it saves alone.
+                paging: PagingSettings {
+                    marks,
+                    skipping: addressing == Addressing::Paged,
+                    ..PagingSettings::default()
+                },
                 ..Settings::default()
             };
             Renderer::new(gpu, Plan::new(gpu, compiler, data, &settings.checked()?)?, data)

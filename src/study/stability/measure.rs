@@ -62,7 +62,8 @@ pub fn measure(
     let brightest = truth.iter().flatten().fold(0.0, |most: f64, part| most.max(*part));
     let unit = if brightest > 0.0 && brightest < NEARLY_BLACK { brightest } else { 1.0 };
     let bound = match (integrator, case.spans) {
-        ("adaptive", _) => TOLERANCE + ROUNDING,
+        // A tolerance is absolute.
+        ("adaptive", _) => TOLERANCE / unit + ROUNDING,
         ("preintegrated", Some(bound)) => bound,
         _ => case.bound,
     };

@@ -161,6 +161,11 @@ impl Case {
         Case { dark: true, ..self.within(0.0, "nothing is nothing") }
     }
 
+    /// Whether an integrator can draw it: what works to a tolerance needs the volume in one image.
+    pub fn is_drawn_by(&self, integrator: &str) -> bool {
+        integrator != "adaptive" || self.voxels.size.to_array().iter().all(|edge| *edge <= 2046)
+    }
+
     fn spans_fit_bricks(&self) -> bool {
         let map = &self.voxels.world_from_voxel;
         2.0 * self.step * map.smallest_edge() * map.voxels_per_world_max() < 1.01

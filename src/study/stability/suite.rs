@@ -95,7 +95,8 @@ impl Choice {
                 if !(self.integrators.is_empty() || self.integrators.contains(&integrator)) {
                     continue;
                 }
-                let cases = theme.cases.iter().filter(|case| chosen(&self.cases, case.name));
+                let drawn = theme.cases.iter().filter(|case| case.is_drawn_by(integrator));
+                let cases = drawn.filter(|case| chosen(&self.cases, case.name));
                 draws.extend(cases.map(|case| Draw {
                     theme: theme.name,
                     case: case.clone(),
