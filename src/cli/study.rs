@@ -189,7 +189,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.json {
         print_json(&table)?;
     } else {
-        print(table.text());
+        print(table.text())?;
     }
     if let Some(first) = gpu.messages().first() {
         let message = format!("validation spoke, first: {}", first.text);
