@@ -8,11 +8,11 @@ use ashfall::import::DenseVolume;
 use ashfall::render::paging::PagingSettings;
 use ashfall::render::{Renderer, SceneData, Settings, Unfinished};
 use ashfall::scene::{Overrides, Refine};
-use ashfall::source::faulty::{Fault, Faulty};
+use ashfall::source::faulty::{Fault, Faulty, Slow};
 use ashfall::volume::BrickId;
 
 use crate::common::drawing::Device;
-use crate::faults::Dense;
+use crate::faults::{Dense, faulty};
 use crate::worlds::{
     Look, assert_same, at_level_0, bytes_volume, covered, finished, fog, hill, paged, psnr_db,
     scene, slots,
@@ -64,6 +64,25 @@ fn it_ends_with_the_exact_bytes_when_all_fits() {
             let drawn = finished(&device, &data, &settings);
             assert_same(&drawn.picture, &exact.picture, &format!("{what}, {settings:?}"));
         }
+    }
+    device.finish();
+}
+
+/// A ray that took a coarser brick counts as waiting, whichever of the round's dispatches it ended in:
+/// what is on its way is asked for no more, and nothing else would keep the loop from ending.
+#[test]
+fn it_does_not_end_before_what_is_on_its_way_has_come() {
+    let Some(device) = Device::open() else { return };
+    let source = || faulty(Slow(Duration::from_millis(3)));
+    let exact = finished(&device, &scene(source(), Look::Corner, &outside()), &slots(64));
+    let data = refined(scene(source(), Look::Corner, &outside()));
+    let settings = Settings { steps_per_dispatch: 32, ..paged(|paging| paging.lockstep = false) };
+    let plan = device.plan(&data, &settings);
+    let march = plan.passes.iter().find(|pass| pass.name == "march_bricks").expect("it marches");
+    assert!(march.dispatches_per_tile > 2, "rays end in several dispatches");
+    for _ in 0..3 {
+        let drawn = finished(&device, &data, &settings);
+        assert_same(&drawn.picture, &exact.picture, "running free");
     }
     device.finish();
 }
