@@ -77,6 +77,12 @@ void main() {
     uint ray = pixel.y * push.tile.size_pixel.x + pixel.x;
     uint place = place_of_ray[ray];
     if (place == PLACE_ENDED) {
+#ifdef SUBSTITUTE
+        // It ended in an earlier dispatch of the round.
+        if (push.last != 0u && (block_of_ray[ray].met & MET_PENDING) != 0u) {
+            atomicAdd(round_progress.waiting, 1u);
+        }
+#endif
         return;
     }
     bool waits = place != PLACE_RUNNING;

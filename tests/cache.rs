@@ -8,6 +8,8 @@ mod truth;
 
 #[path = "cache/brick_scene.rs"]
 mod brick_scene;
+#[path = "cache/faults.rs"]
+mod faults;
 #[path = "cache/host.rs"]
 mod host;
 #[path = "cache/invariants.rs"]

@@ -3,7 +3,10 @@
 mod binary;
 mod common;
 
+use std::ffi::OsStr;
+use std::fs::File;
 use std::path::Path;
+use std::process::{Command, Output, Stdio};
 
 use ashfall::cli::{read_exr, write_picture};
 use ashfall::render::Picture;
@@ -374,7 +377,7 @@ fn files_without_a_scene() {
     let flags: &[&str] = &["--raw-size", "2x2x2", "--raw-type", "u8", "--spacing", "1,1,2"];
     for (file, flags) in [(&store, &[][..]), (&raw, flags)] {
         let mut arguments = vec!["plan".as_ref(), file.as_os_str(), "--json".as_ref()];
-        arguments.extend(flags.iter().map(std::ffi::OsStr::new));
+        arguments.extend(flags.iter().map(OsStr::new));
         let run = ashfall(arguments);
         match run.code {
             Some(0) => assert_eq!(json(&run)["views"], serde_json::json!(["whole"])),
@@ -384,7 +387,7 @@ fn files_without_a_scene() {
     }
     let run = ashfall(["plan".as_ref(), raw.as_os_str()]);
     assert_eq!(run.code, Some(3), "a raw file does not say its size: {}", run.stderr);
-    let short = ["--raw-size", "2x2x3", "--raw-type", "u8"].map(std::ffi::OsStr::new);
+    let short = ["--raw-size", "2x2x3", "--raw-type", "u8"].map(OsStr::new);
     let run = ashfall(["plan".as_ref(), raw.as_os_str()].into_iter().chain(short));
     assert_eq!(run.code, Some(3), "{}", run.stderr);
     assert!(run.stderr.contains("cube.raw") && run.stderr.contains('8'), "{}", run.stderr);
@@ -395,10 +398,10 @@ fn files_without_a_scene() {
 fn results_that_nobody_reads() {
     let store = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/version_1_u8.bricks");
     for command in ["info", "verify"] {
-        let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_ashfall"))
+        let mut child = Command::new(env!("CARGO_BIN_EXE_ashfall"))
             .args([command.as_ref(), store.as_os_str()])
-            .stdout(std::process::Stdio::piped())
-            .stderr(std::process::Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
             .spawn()
             .expect("the program starts");
         // Closed at once: the pipe is broken before or while the command writes.
@@ -406,5 +409,78 @@ fn results_that_nobody_reads() {
         let output = child.wait_with_output().expect("the program ends");
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(0), "{command}: {said}");
+    }
+}
+
+/// Runs with its output going to files that the caller opened.
+fn ashfall_into<S: AsRef<OsStr>>(
+    stdout: impl Into<Stdio>,
+    stderr: impl Into<Stdio>,
+    arguments: &[S],
+) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ashfall"));
+    command.args(arguments).stdout(stdout).stderr(stderr);
+    command.spawn().and_then(|child| child.wait_with_output()).expect("the program runs")
+}
+
+/// Takes nothing, as a file on a full disk.
+fn full() -> File {
+    File::options().write(true).open("/dev/full").expect("a device that is full")
+}
+
+/// Results that nobody can read later are not done: a sentence and exit code 4, from every command.
+#[test]
+fn results_that_find_no_room() {
+    let folder = pictures("full");
+    let scene = folder.write("scene.toml", SCENE);
+    let store = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/version_1_u8.bricks");
+    let [a, c] = ["a.exr", "c.exr"].map(|name| folder.path(name));
+    let (drawn, imported) = (folder.path("drawn.exr"), folder.path("imported.bricks"));
+    let cube = folder.write("cube.raw", [0u8, 50, 100, 150, 200, 250, 10, 60]);
+    let word = |word: &'static str| OsStr::new(word);
+    let runs: [Vec<&OsStr>; 15] = [
+        vec![word("--help")],
+        vec![word("--version")],
+        vec![word("bench"), word("upload"), word("--help")],
+        vec![word("info"), store.as_os_str()],
+        vec![word("info"), store.as_os_str(), word("--json")],
+        vec![word("info"), cube.as_os_str(), word("--raw-size=2x2x2"), word("--raw-type=u8")],
+        vec![word("verify"), store.as_os_str()],
+        vec![word("verify"), store.as_os_str(), word("--json")],
+        vec![word("compare"), a.as_os_str(), a.as_os_str()],
+        // Where the verdict is lost too, what the machine lacks comes first.
+        vec![word("compare"), a.as_os_str(), c.as_os_str(), word("--json")],
+        vec![word("reference"), scene.as_os_str(), word("-o"), drawn.as_os_str()],
+        vec![
+            word("import"),
+            cube.as_os_str(),
+            word("-o"),
+            imported.as_os_str(),
+            word("--raw-size=2x2x2"),
+            word("--raw-type=u8"),
+        ],
+        vec![word("plan"), scene.as_os_str()],
+        vec![word("devices")],
+        vec![word("render"), scene.as_os_str(), word("-o"), drawn.as_os_str()],
+    ];
+    for arguments in runs {
+        let run = Run::of(ashfall_into(full(), Stdio::piped(), &arguments));
+        assert_eq!(run.code, Some(4), "{arguments:?}: {}", run.stderr);
+        let sentence = run.sentence().expect("one sentence");
+        if sentence.contains("Vulkan") {
+            no_device(&run);
+            continue;
+        }
+        assert!(sentence.starts_with("standard output: "), "{arguments:?}: {sentence}");
+        assert!(sentence.contains("No space left") && sentence.contains("elsewhere"), "{sentence}");
+    }
+}
+
+/// Where stderr takes nothing, the exit code still tells.
+#[test]
+fn remarks_that_find_no_room() {
+    for (arguments, code) in [(["info", "nowhere.nrrd"], 3), (["paint", "nowhere.nrrd"], 2)] {
+        let output = ashfall_into(Stdio::null(), full(), &arguments);
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}");
     }
 }

@@ -5,8 +5,9 @@ mod common;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ashfall::gpu::{
-    Access, Buffer, BufferSpec, HostEvent, Image, ImageFormat, ImageRegion, ImageSpec, MemoryHome,
-    Place, Record, Recorder, RoleKind, SlotEvent, Staging, StepKind, two_queues,
+    Access, Buffer, BufferRegion, BufferSpec, HostEvent, Image, ImageFormat, ImageRegion,
+    ImageSpec, MemoryHome, Place, Record, Recorder, Ring, RoleKind, SlotEvent, Staging, StepKind,
+    Submitted, two_queues,
 };
 use common::device::{Device, device};
 
@@ -271,4 +272,94 @@ fn what_staging_records_is_proved_to_be_in_order() {
     let faults = two_queues::check(&records);
     let overwrites = |fault: &_| matches!(fault, two_queues::Fault::OverwrittenByHost { .. });
     assert!(faults.iter().any(overwrites), "{faults:?}");
+}
+
+/// Copies a batch from a ring into `target`, at its place among batches of 64 bytes, after `work`.
+fn copied_behind(
+    device: &Device,
+    ring: &mut Ring,
+    batch: u8,
+    target: &Buffer,
+    work: &[&Buffer],
+) -> Submitted {
+    let (range, host) = ring.write(&[batch; 64]).expect("written");
+    let mut recorder = Recorder::new(&device.gpu, RoleKind::Render, None);
+    for filled in work {
+        recorder.fill("work", filled, 0, filled.bytes(), 7);
+    }
+    let (source_offset, target_offset) = (range.start, u64::from(batch) * 64);
+    let region = BufferRegion { source_offset, target_offset, bytes: 64 };
+    recorder.copy_regions_to_buffer("batch", ring.buffer(), target, &[region]);
+    let mut submitted = recorder.submit(&[]).expect("submitted");
+    ring.read_until(submitted.point);
+    submitted.record.host = host;
+    submitted
+}
+
+#[test]
+fn a_ring_waits_only_for_what_it_overwrites() {
+    let Some(device) = device() else { return };
+    let large = buffer(&device, "large", 64 << 20, MemoryHome::Device);
+    let target = buffer(&device, "target", 7 * 64, MemoryHome::Readback);
+    let spec = BufferSpec { name: "ring", bytes: 3 * 64 + 63, home: MemoryHome::Upload };
+    let mut ring = Ring::new(&device.gpu, &spec).expect("a ring");
+    // So much that the host is well ahead.
+    let work = [&large; 60];
+    let mut records = Vec::new();
+    let mut points = Vec::new();
+    for batch in 0..7 {
+        let work = if batch == 0 { &work[..] } else { &[] };
+        let submitted = copied_behind(&device, &mut ring, batch, &target, work);
+        if batch == 2 {
+            assert!(!device.gpu.has_reached(points[0]), "the host waited for the first batch");
+        }
+        let start = u64::from(batch % 3) * 64;
+        let wrote = HostEvent::Wrote { buffer: "ring", range: start..start + 64 };
+        let wanted = match usize::from(batch).checked_sub(3) {
+            None => vec![wrote],
+            Some(before) => vec![HostEvent::Waited(points[before]), wrote],
+        };
+        assert_eq!(submitted.record.host, wanted, "batch {batch}");
+        points.push(submitted.point);
+        records.push(submitted.record);
+    }
+    device.gpu.wait(points[6]).expect("it ends");
+    let wanted: Vec<u8> = (0..7).flat_map(|batch| [batch; 64]).collect();
+    assert_eq!(device.values::<u8>(&target), wanted, "a batch was overwritten before it was read");
+    assert!(two_queues::check(&records).is_empty());
+    // Who does not wait would be found out.
+    records[3].host.remove(0);
+    let faults = two_queues::check(&records);
+    let overwritten = |fault: &two_queues::Fault| {
+        matches!(fault, two_queues::Fault::OverwrittenByHost { buffer: "ring", .. })
+    };
+    assert!(faults.iter().any(overwritten), "{faults:?}");
+}
+
+#[test]
+fn batches_of_all_sizes_go_round_a_ring() {
+    let Some(device) = device() else { return };
+    let size = |batch: u32| 4 * (1 + u64::from(batch * batch * 37 % 250));
+    let batches = 0..200;
+    let target = buffer(&device, "target", batches.clone().map(size).sum(), MemoryHome::Readback);
+    let spec = BufferSpec { name: "ring", bytes: 1000, home: MemoryHome::Upload };
+    let mut ring = Ring::new(&device.gpu, &spec).expect("a ring");
+    let (mut records, mut wanted) = (Vec::new(), Vec::new());
+    for batch in batches {
+        let content = vec![batch as u8; size(batch) as usize];
+        let (range, host) = ring.write(&content).expect("written");
+        assert!(range.end - range.start == size(batch) && range.end <= 1000, "{range:?}");
+        let (source_offset, target_offset) = (range.start, wanted.len() as u64);
+        let region = BufferRegion { source_offset, target_offset, bytes: size(batch) };
+        let mut recorder = Recorder::new(&device.gpu, RoleKind::Render, None);
+        recorder.copy_regions_to_buffer("batch", ring.buffer(), &target, &[region]);
+        let mut submitted = recorder.submit(&[]).expect("submitted");
+        ring.read_until(submitted.point);
+        submitted.record.host = host;
+        records.push(submitted.record);
+        wanted.extend(content);
+    }
+    assert_eq!(device.values::<u8>(&target), wanted);
+    let faults = two_queues::check(&records);
+    assert!(faults.is_empty(), "{faults:?}");
 }

@@ -7,7 +7,7 @@ mod binary;
 mod common;
 
 use ashfall::gpu::RoleKind;
-use ashfall::render::paging::PagingSettings;
+use ashfall::render::paging::{CopyPath, PagingSettings};
 use ashfall::render::{Addressing, Picture, Renderer, SceneData, Settings, Statistics};
 use ashfall::scene::Overrides;
 use ashfall::trace::TraceOptions;
@@ -111,6 +111,22 @@ fn check_clock(drawn: &Drawn) {
         assert!(round.begin_ns - error_ns <= pass.begin_ns, "before its round, by {error_ns}");
         assert!(pass.end_ns <= round.end_ns + error_ns, "after its round, by {error_ns}");
     }
+}
+
+/// Placing is on the host's track, behind every flush.
+#[test]
+fn placed_bricks_are_told_too() {
+    let Some(device) = Device::open() else { return };
+    let mut settings = paged(true);
+    settings.paging.copy_path = Some(CopyPath::Placed);
+    let drawn = draw(&device, &settings, TraceOptions::default());
+    check_paged(&drawn);
+    let [flushes, places] = ["flush", "place"].map(|name| drawn.trace.spans("rounds", name));
+    assert!(flushes.len() > 2 && flushes.len() == places.len());
+    for (flush, place) in flushes.iter().zip(&places) {
+        assert!(flush.end_ns <= place.begin_ns, "placed before it was copied");
+    }
+    device.finish();
 }
 
 #[test]

@@ -191,11 +191,13 @@ Found look_up(
     (past.z ? NAME##_3.FIELD : past.y ? NAME##_2.FIELD : past.x ? NAME##_1.FIELD : NAME##_0.FIELD)
 
 #ifdef SUBSTITUTE
+// Numbers that are exact are added first: in any other order lavapipe's compiler brings them into this one
+// (and `precise` here makes glslang of shaderc-sys 0.10.1 crash).
 #define CELL_AND_WITHIN(NAME) \
     ivec3 shift = ivec3(OF_RUN(shift, NAME)); \
     ivec3 base = anchor.cell >> shift; \
     vec3 rest = vec3(anchor.cell - (base << shift)); \
-    vec3 coarse = (rest + position + 0.5) / vec3(ivec3(1) << shift) - 0.5; \
+    vec3 coarse = ((rest + 0.5) + position) / vec3(ivec3(1) << shift) - 0.5; \
     vec3 place_in = mix(position, coarse, notEqual(shift, ivec3(0))); \
     vec3 cell_in = floor(place_in); \
     vec3 within = place_in - cell_in; \

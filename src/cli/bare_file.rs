@@ -5,6 +5,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use crate::cli::load::{Shown, open_file};
+use crate::cli::output::say;
 use crate::error::{Error, Result};
 use crate::import::Options;
 use crate::render::SceneData;
@@ -38,10 +39,10 @@ pub fn load(path: &Path, options: &Options, overrides: &Overrides) -> Result<Sce
     let shown = Shown::First(CHANNELS_MAX);
     let (data, in_file) = open_file(path, options, shown, None, scene.memory.ram_mib)?;
     if in_file > CHANNELS_MAX {
-        eprintln!(
-            "ashfall: note: {} has {in_file} channels, the first {CHANNELS_MAX} are drawn: write a scene to choose",
+        say(format_args!(
+            "note: {} has {in_file} channels, the first {CHANNELS_MAX} are drawn: write a scene to choose",
             path.display(),
-        );
+        ));
     }
     let volume = data.source.description();
     let world_from_voxel = match options.spacing {

@@ -95,7 +95,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             error.whole.rmse,
             error.whole.max,
             error.alpha_max
-        ));
+        ))?;
     }
     if report.agree {
         return Ok(());

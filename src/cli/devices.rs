@@ -72,7 +72,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.json {
         print_json(&report)?;
     } else {
-        report.devices.iter().for_each(describe);
+        report.devices.iter().try_for_each(describe)?;
     }
     if report.devices.iter().any(|device| device.usable) {
         return Ok(());
@@ -112,7 +112,7 @@ fn device(facts: DeviceFacts, sampler: Vec<SamplerError>) -> Device {
     }
 }
 
-fn describe(device: &Device) {
+fn describe(device: &Device) -> Result<()> {
     print(format_args!(
         "{}: {} ({}, {}), Vulkan {}, {} MiB, 3D images to {}, storage buffers to {} MiB\n",
         device.index,
@@ -123,7 +123,7 @@ fn describe(device: &Device) {
         device.heap_bytes >> 20,
         device.image_3d_edge_max,
         device.storage_bytes_max >> 20
-    ));
+    ))?;
     for queue in &device.queues {
         let jobs =
             [(queue.compute, "compute"), (queue.graphics, "graphics"), (queue.transfer, "copies")];
@@ -135,7 +135,7 @@ fn describe(device: &Device) {
             jobs.join(", "),
             queue.timestamp_bits,
             queue.copy_granularity
-        ));
+        ))?;
     }
     for sampler in &device.sampler {
         print(format_args!(
@@ -143,9 +143,10 @@ fn describe(device: &Device) {
             sampler.texels,
             sampler.error_max,
             if sampler.exact { ", precise" } else { "" }
-        ));
+        ))?;
     }
     for missing in &device.missing {
-        print(format_args!("   not usable: lacks {missing}\n"));
+        print(format_args!("   not usable: lacks {missing}\n"))?;
     }
+    Ok(())
 }

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use crate::cli::cores::all_cores;
-use crate::cli::output::print_line;
+use crate::cli::output::{print_line, say};
 use crate::cli::reading::{Reading, parse_numbers};
 use crate::cli::{interrupt, progress};
 use crate::error::Result;
@@ -88,15 +88,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     bar.finish_and_clear();
     let summary = summary?;
     for note in &summary.notes {
-        eprintln!("ashfall: note: {note}");
+        say(format_args!("note: {note}"));
     }
     report_counts(&summary);
     if arguments.json {
-        print_line(to_json(&arguments.output, &summary));
+        print_line(to_json(&arguments.output, &summary))
     } else {
-        print_line(sentence(&arguments.output, &summary));
+        print_line(sentence(&arguments.output, &summary))
     }
-    Ok(())
 }
 
 fn name_of(output: &Path) -> String {
@@ -111,7 +110,7 @@ fn report_counts(summary: &Summary) {
             (row.absent_voxels, "are absent from the input and will be drawn as nothing"),
         ];
         for (count, what) in counts.iter().filter(|(count, _)| *count > 0) {
-            eprintln!("ashfall: channel {channel}: {count} voxels {what}");
+            say(format_args!("channel {channel}: {count} voxels {what}"));
         }
     }
 }

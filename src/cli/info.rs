@@ -36,17 +36,17 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         if arguments.json {
             let bricks = store.numbering().count();
             print_line(json!({ "format": 1, "kind": "store", "bricks": bricks,
-                        "volume": description_json(description) }));
+                        "volume": description_json(description) }))?;
         } else {
-            print(store_text(&store));
+            print(store_text(&store))?;
         }
     } else {
         let input = open(path, &arguments.reading.options())?;
         let header = input.header();
         if arguments.json {
-            print_line(header_json(header));
+            print_line(header_json(header))?;
         } else {
-            print(header_text(header));
+            print(header_text(header))?;
         }
     }
     Ok(())

@@ -2,7 +2,11 @@
 //!
 //! What was typed is parsed by clap, turned into what it means, and run by one `match`. Results go to
 //! stdout, progress and logs to stderr.
-#![deny(clippy::print_stdout, reason = "`output::print` does not panic when the reader is gone")]
+#![deny(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "`output` has the doors to both, which do not panic when nobody reads or a disk is full"
+)]
 
 mod bare_file;
 mod bench;
@@ -68,14 +72,21 @@ pub fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(why) => {
             // Help and version go to stdout and are no error; clap knows which is which.
-            let _ = why.print();
-            return ExitCode::from(if why.use_stderr() { Exit::Arguments as u8 } else { 0 });
+            if why.use_stderr() {
+                let _ = why.print();
+                return ExitCode::from(Exit::Arguments as u8);
+            }
+            return ended(output::printed(why.print()));
         }
     };
-    match run(arguments.command) {
+    ended(run(arguments.command))
+}
+
+fn ended(result: Result<()>) -> ExitCode {
+    match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(why) => {
-            eprintln!("ashfall: {why}");
+            output::say(&why);
             ExitCode::from(why.exit as u8)
         }
     }

@@ -1,6 +1,7 @@
-//! Printing results on stdout.
+//! Printing results on stdout and remarks on stderr.
 
-use std::io::Write;
+use std::fmt::Display;
+use std::io::{ErrorKind, Write};
 use std::path::Path;
 
 use serde::Serialize;
@@ -9,19 +10,46 @@ use crate::error::{Error, Result};
 
 /// Prints text: the one door to stdout. A reader that has gone away is no error, where `println!`
 /// would panic.
-pub fn print(text: impl std::fmt::Display) {
-    let _ = write!(std::io::stdout().lock(), "{text}");
+///
+/// # Errors
+/// Exit code 4 when stdout takes no more, as a file on a full disk.
+pub fn print(text: impl Display) -> Result<()> {
+    printed(write!(std::io::stdout().lock(), "{text}"))
+}
+
+/// What became of a write to stdout, which may hold some of it back until now.
+///
+/// # Errors
+/// As [`print`].
+pub fn printed(written: std::io::Result<()>) -> Result<()> {
+    match written.and_then(|()| std::io::stdout().flush()) {
+        Err(why) if why.kind() != ErrorKind::BrokenPipe => Err(Error::machine(format!(
+            "standard output: cannot be written: {why}; make room where it goes, or send it elsewhere"
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// Prints a line of text, as [`print`].
-pub fn print_line(text: impl std::fmt::Display) {
-    print(format_args!("{text}\n"));
+///
+/// # Errors
+/// As [`print`].
+pub fn print_line(text: impl Display) -> Result<()> {
+    print(format_args!("{text}\n"))
 }
 
 /// Prints one object with `"format": 1` first.
+///
+/// # Errors
+/// As [`print`].
 pub fn print_json(value: &impl Serialize) -> Result<()> {
-    print(json_text(value)?);
-    Ok(())
+    print(json_text(value)?)
+}
+
+/// Says one line on stderr: the one door to it. Where stderr takes nothing there is nobody left to
+/// tell, so that is no error, where `eprintln!` would panic.
+pub fn say(text: impl Display) {
+    let _ = writeln!(std::io::stderr().lock(), "ashfall: {text}");
 }
 
 /// Writes such an object into a file.

@@ -35,6 +35,5 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.json {
         return print_json(&plan);
     }
-    print(&plan);
-    Ok(())
+    print(&plan)
 }

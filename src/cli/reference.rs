@@ -83,7 +83,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             file.display(),
             start.elapsed().as_secs_f64(),
             arguments.error_max
-        ));
+        ))?;
     }
     Ok(())
 }

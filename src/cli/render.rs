@@ -141,7 +141,7 @@ fn draw_views(
         let files: Vec<PathBuf> = outputs.iter().map(of_view).collect();
         files.iter().try_for_each(|file| write_picture(file, &picture))?;
         if !arguments.json {
-            report(name, &files, &statistics);
+            report(name, &files, &statistics)?;
         }
         results.views.push(ViewResult { view: name.clone(), files, statistics });
     }
@@ -156,7 +156,7 @@ fn write_stats(path: &Path, results: &Results) -> Result<()> {
     }
 }
 
-fn report(name: &str, files: &[PathBuf], statistics: &Statistics) {
+fn report(name: &str, files: &[PathBuf], statistics: &Statistics) -> Result<()> {
     let files: Vec<_> = files.iter().map(|file| file.display().to_string()).collect();
     let passes: Vec<_> =
         statistics.gpu_ms.iter().map(|time| format!("{} {:.1}", time.pass, time.ms)).collect();
@@ -168,7 +168,7 @@ fn report(name: &str, files: &[PathBuf], statistics: &Statistics) {
         statistics.samples as f64 * 1e-6,
         statistics.device_bytes as f64 / f64::from(1 << 20),
         statistics.device,
-    ));
+    ))?;
     if let Some(loading) = &statistics.loading {
         print(format_args!(
             "{}: {} rounds, {} bricks needed, {} uploaded ({:.1} MiB), {} hidden, {} of one value, {} absent, {} failed, {} read\n",
@@ -182,15 +182,16 @@ fn report(name: &str, files: &[PathBuf], statistics: &Statistics) {
             statistics.bricks_absent,
             statistics.bricks_failed,
             loading.reads,
-        ));
+        ))?;
         if statistics.constants_overflow > 0 {
             print(format_args!(
                 "{}: {} bricks of one value travel: the table of values is full\n",
                 " ".repeat(name.len()),
                 statistics.constants_overflow,
-            ));
+            ))?;
         }
     }
+    Ok(())
 }
 
 fn outputs(arguments: &Arguments) -> Vec<PathBuf> {

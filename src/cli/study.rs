@@ -224,7 +224,7 @@ fn sweep(arguments: &Arguments, flags: &SceneFlags, folder: &Path) -> Result<()>
     if arguments.json {
         print_json(&table)?;
     } else {
-        print(table.text());
+        print(table.text())?;
     }
     if let Some(first) = gpu.messages().first() {
         let message = format!("validation spoke, first: {}", first.text);

@@ -42,7 +42,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Err(why) if why.exit == Exit::Input && Store::is_store(path) => {
             if arguments.json {
                 let damages = [json!({ "message": why.message })];
-                print_line(json!({ "format": 1, "whole": false, "damages": damages }));
+                print_line(json!({ "format": 1, "whole": false, "damages": damages }))?;
             }
             return Err(Error::difference(why.message));
         }
@@ -53,18 +53,18 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let damages: Vec<Value> = report.damages.iter().map(damage_json).collect();
         print_line(json!({ "format": 1, "whole": whole, "bricks": report.bricks,
                     "stored_bytes": report.stored_bytes,
-                    "damaged_bricks": report.damaged_bricks, "damages": damages }));
+                    "damaged_bricks": report.damaged_bricks, "damages": damages }))?;
     } else {
         for damage in &report.damages {
             print_line(format_args!(
                 "{} (from {}, {} brick(s))",
                 damage.message, damage.brick, damage.bricks
-            ));
+            ))?;
         }
     }
     if whole {
         if !arguments.json {
-            print_line(format_args!("{}: whole, {} bricks", path.display(), report.bricks));
+            print_line(format_args!("{}: whole, {} bricks", path.display(), report.bricks))?;
         }
         return Ok(());
     }

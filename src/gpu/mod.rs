@@ -5,7 +5,8 @@
 //! # Invariants
 //! - A buffer or image dropped while the GPU still uses it is kept until that use has ended: every
 //!   submit stamps what it touches with its time point, and dropping retires by time point.
-//! - Host reads and writes of mapped memory wait for the time points stamped on it.
+//! - Host reads and writes of mapped memory wait for the time points stamped on it; a [`Ring`]'s writes
+//!   for those of the bytes they overwrite.
 //! - Every barrier is made by [`Recorder`] from declared accesses; nobody else records one.
 //! - Images live in the layout GENERAL: an atlas is written by one role while the other reads it, so
 //!   there is no moment at which a layout could change.
@@ -27,6 +28,7 @@ mod recorder;
 mod reflection;
 mod resources;
 mod retirement;
+mod ring;
 mod roles;
 mod shader;
 mod staging;
@@ -47,8 +49,8 @@ pub use record::{HostEvent, Record, SlotEvent, StepKind, StepRecord, Submitted};
 pub use recorder::Recorder;
 pub use reflection::{Binding, BindingKind, Member, Reflection};
 pub use resources::{Buffer, BufferSpec, Image, ImageFormat, ImageSpec, Sampler, SamplerFilter};
+pub use ring::Ring;
 pub use roles::{RoleKind, TimePoint};
 pub use shader::{Shader, ShaderCompiler, ShaderSources, Variant};
 pub use staging::{Place, Staging};
 pub use timestamps::{StepTicks, SubmitTimes, Timestamps};
-pub use write_commands::IN_FLIGHT_MAX;

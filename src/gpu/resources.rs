@@ -227,6 +227,17 @@ impl Buffer {
     /// Exit code 4 when the device is lost.
     pub fn write_with(&self, offset: u64, bytes: u64, fill: impl FnOnce(&mut [u8])) -> Result<()> {
         self.gpu.wait_uses(self.life.uses())?;
+        self.fill(offset, bytes, fill);
+        Ok(())
+    }
+
+    /// Writes bytes that no step under way uses, and waits for none: the caller, [`crate::gpu::Ring`],
+    /// knows of every step's bytes. A step that did use them would read either value.
+    pub(super) fn write_apart(&self, offset: u64, data: &[u8]) {
+        self.fill(offset, data.len() as u64, |target| target.copy_from_slice(data));
+    }
+
+    fn fill(&self, offset: u64, bytes: u64, fill: impl FnOnce(&mut [u8])) {
         let mut allocation = self.allocation.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(mapped) = allocation.as_mut().and_then(Allocation::mapped_slice_mut) else {
             misuse(format_args!("buffer {} is not visible to the host", self.life.name))
@@ -236,7 +247,6 @@ impl Buffer {
             misuse(format_args!("write past the end of buffer {}", self.life.name))
         };
         fill(target);
-        Ok(())
     }
 
     /// Reads on the host `data.len()` bytes from `offset`, once the GPU has ended its last use.

@@ -17,9 +17,6 @@ use crate::gpu::resources::WHOLE_IMAGE;
 use crate::gpu::roles::{Role, TimePoint};
 use crate::gpu::timestamps::{Timestamps, Written};
 
-/// Submits of one role whose commands may wait or run at once.
-pub const IN_FLIGHT_MAX: usize = 2;
-
 /// Writes and submits; the caller holds the role's tracker, which keeps submits in order.
 pub(crate) fn submit(
     gpu: &Gpu,
@@ -114,11 +111,11 @@ pub(crate) fn submit(
     Ok(point)
 }
 
-/// A new command buffer while fewer than [`IN_FLIGHT_MAX`] exist, else the oldest one, once its
+/// A new command buffer while fewer than the role's most exist, else the oldest one, once its
 /// submit has ended: how many there are depends on the number of submits, never on timing.
 fn free_command_buffer(gpu: &Gpu, role: &Role) -> Result<vk::CommandBuffer> {
     let mut known = role.command_buffers.lock().unwrap_or_else(PoisonError::into_inner);
-    if known.len() >= IN_FLIGHT_MAX {
+    if known.len() >= role.kind.in_flight_max() {
         let (oldest, value) = known.remove(0);
         role.wait(&gpu.device, value)?;
         return Ok(oldest);

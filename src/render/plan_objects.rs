@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::gpu::{
-    Buffer, BufferSpec, Gpu, IN_FLIGHT_MAX, MemoryHome, ObjectKind, ObjectsOfPipeline, RoleKind,
-    Staging,
+    Buffer, BufferSpec, Gpu, MemoryHome, ObjectKind, ObjectsOfPipeline, RoleKind, Staging,
 };
 use crate::render::plan::{PlannedBuffer, PlannedImage};
 use crate::render::scene_data::SceneData;
@@ -100,7 +99,7 @@ pub(super) fn objects(
     let halves = buffers.iter().filter(|b| b.name.starts_with("staging_half_")).count() as u64;
     let (buffers, images) = (buffers.len() as u64, images.len() as u64);
     let transfers = u64::from(images > 0);
-    let in_flight = IN_FLIGHT_MAX as u64;
+    let in_flight = |role: RoleKind| role.in_flight_max() as u64;
     let timed = |role| u64::from(gpu.has_timestamps(role));
     let counts = [
         (ObjectKind::Buffer, buffers),
@@ -110,7 +109,10 @@ pub(super) fn objects(
         (ObjectKind::DeviceMemory, buffers + images),
         (ObjectKind::Semaphore, 1 + transfers),
         (ObjectKind::CommandPool, 1 + transfers),
-        (ObjectKind::CommandBuffer, submits.min(in_flight) + copies.min(in_flight)),
+        (
+            ObjectKind::CommandBuffer,
+            submits.min(in_flight(RoleKind::Render)) + copies.min(in_flight(RoleKind::Transfer)),
+        ),
         (ObjectKind::QueryPool, timed(RoleKind::Render) + halves * timed(RoleKind::Transfer)),
     ];
     let of_passes = ObjectsOfPipeline::COUNTS.map(|(kind, count)| (kind, count * passes));

@@ -97,6 +97,12 @@ impl Paged {
         self.staging.take_times().iter().for_each(|times| trace.steps(times));
     }
 
+    /// The passes that place staged bricks are recorded and submitted, until this is dropped.
+    pub(super) fn place_span(&self) -> Option<Guard> {
+        let trace = self.trace.as_ref().filter(|_| self.places())?;
+        Some(trace.begin("place", Details::None))
+    }
+
     /// A round has told how it stands.
     pub(super) fn trace_report(&self, report: &Report) {
         let Some(trace) = &self.trace else { return };

@@ -332,20 +332,18 @@ struct Way {
 impl Way {
     fn new(meter: &Meter, bricks: &Bricks, path: CopyPath) -> Result<Way> {
         let gpu = meter.gpu;
-        let buffer = |name, bytes, home| Buffer::new(gpu, &BufferSpec { name, bytes, home });
         let placing = match path {
             CopyPath::Straight => None,
             CopyPath::Placed => {
-                let placements = (bricks.bricks_in_batch() * size_of::<Placement>()) as u64;
                 let shader = meter.compiler.compile(&place::variant(bricks.layout.format))?;
-                Some(Placing {
-                    upload: buffer("upload", bricks.half_bytes, MemoryHome::Device)?,
-                    placements: buffer("placements", placements, MemoryHome::Upload)?,
-                    pipelines: vec![ComputePipeline::new(gpu, shader)?],
-                    free: 0,
-                    written: 0,
-                    placed_at: None,
-                })
+                let upload = BufferSpec {
+                    name: "upload",
+                    bytes: bricks.half_bytes,
+                    home: MemoryHome::Device,
+                };
+                let placements = Placing::placements_spec(bricks.atlas.slot_count() as usize);
+                let pipelines = vec![ComputePipeline::new(gpu, shader)?];
+                Some(Placing::new(gpu, &upload, &placements, pipelines)?)
             }
         };
         let spec = ImageSpec { stored: placing.is_some(), ..bricks.atlas.spec };

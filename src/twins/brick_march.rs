@@ -1,5 +1,5 @@
-//! A ray's way through the bricks of a volume; twin of `shaders/common/brick_march.glsl` in exact
-//! refinement.
+//! A ray's way through the bricks of a volume; twin of `shaders/common/brick_march.glsl`, but for the
+//! papers' order.
 
 use crate::twins::cache::Cache;
 use crate::twins::classify::{Block, Medium, join_block};
@@ -10,10 +10,11 @@ use crate::twins::limits::{
     BLOCK_SAMPLES, ENTRY_ABSENT, ENTRY_CONSTANT, ENTRY_EXPECTED, ENTRY_FAILED, ENTRY_MAPPED,
     ENTRY_PAYLOAD_MASK, ENTRY_STATE_SHIFT, ENTRY_UNMAPPED,
 };
+use crate::twins::march_bricks::Push;
 use crate::twins::preintegrate::{Content, Point, Span, composite_span};
 use crate::twins::ranks::{LevelView, place_of_brick};
 use crate::twins::ray::{RayGeometry, RayState};
-use crate::twins::ray_block::{MET_ABSENT, MET_FAILED, RayBlock};
+use crate::twins::ray_block::{MET_ABSENT, MET_FAILED, MET_PENDING, RayBlock};
 use crate::twins::transfer::{TransferSegment, classify};
 
 /// A channel of one value per voxel, as the shader sees it.
@@ -53,22 +54,45 @@ pub struct Scene<'a> {
 /// What shapes the march beside the scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// Blocks of samples to take at most.
-    pub blocks_max: u32,
-    /// A ray ends when less than this is transmitted; nothing: never.
-    pub early_stop: Option<f32>,
-    /// Counts from 1.
-    pub round: u32,
+    /// A ray goes from level to level as its footprint grows; else it stays in one.
+    pub several_levels: bool,
+    /// A ray takes a coarser level for a missing brick; else it waits.
+    pub substitute: bool,
+    /// Rays end early.
+    pub early_stop: bool,
     /// As [`crate::twins::ray_march::Settings::preintegrated`].
     pub preintegrated: bool,
+}
+
+/// What one channel has in a brick.
+#[derive(Clone, Copy)]
+struct Found {
+    has: Has,
+    /// Of the brick itself, whatever stands in for it.
+    state: u32,
+    /// How many levels coarser what it has is, per axis.
+    shift: [u32; 3],
 }
 
 #[derive(Clone, Copy)]
 enum Has {
     Nothing,
     Constant(f32),
-    Slot { origin: [i32; 3] },
+    /// The texel of the cell 0 of the brick's level, less 1.
+    Slot {
+        origin: [i32; 3],
+    },
 }
+
+/// Samples from `first` on that lie in one brick, and what the channels have there.
+struct Run {
+    first: u32,
+    end: u32,
+    found: Vec<Found>,
+}
+
+/// Runs that are looked up before any of them is sampled.
+const RUNS: usize = 4;
 
 /// Marks what a ray that waits at a place needs of all channels; true where it has to wait.
 pub fn mark_place(cache: &mut Cache, scene: &Scene, round: u32, place: u32) -> bool {
@@ -93,7 +117,7 @@ pub fn mark_place(cache: &mut Cache, scene: &Scene, round: u32, place: u32) -> b
     waits
 }
 
-/// Takes up to the settings' blocks of samples of one ray in one level; gives the place whose brick is
+/// Takes up to `blocks_left` blocks of samples of one ray in one level; gives the place whose brick is
 /// not there, if that stops it.
 pub fn march_bricks(
     geometry: &RayGeometry,
@@ -102,74 +126,82 @@ pub fn march_bricks(
     cache: &mut Cache,
     scene: &Scene,
     settings: &Settings,
+    (push, blocks_left): (&Push, &mut u32),
 ) -> Option<u32> {
     let start = Fixed3 { cell: geometry.start_cell, fraction: geometry.start_fraction };
     let delta = Fixed3 { cell: geometry.delta_cell, fraction: geometry.delta_fraction };
     let step_voxel = fixed_float(delta);
-    let level = &scene.levels[partial.level as usize];
+    let level = partial.level as usize;
     let mut missing = None;
     let mut sample_index = partial.sample_index;
     let mut block =
         Block { color: partial.color, depth: partial.depth, transmitted: partial.transmitted };
-    let mut blocks_left = settings.blocks_max;
-    while blocks_left > 0 && state.next_sample < geometry.sample_count && missing.is_none() {
+    while *blocks_left > 0 && state.next_sample < geometry.sample_count && missing.is_none() {
         let anchor = fixed_advance(start, delta, state.next_sample);
         let anchor_fraction = fixed_fraction(anchor.fraction);
         let samples = BLOCK_SAMPLES.min(geometry.sample_count - state.next_sample);
-        let at = |index: u32| -> [f32; 3] {
-            std::array::from_fn(|a| anchor_fraction[a] + index as f32 * step_voxel[a])
+        let at = |steps: f32| -> [f32; 3] {
+            std::array::from_fn(|a| anchor_fraction[a] + steps * step_voxel[a])
         };
-        while sample_index < samples {
-            // A run of samples in one brick.
-            let position = at(sample_index);
+        let transmitted = attenuate(state.optical_depth).transmitted * block.transmitted;
+        let weight = 1 + (transmitted * 255.0) as u32;
+        let mut runs: Vec<Run> = Vec::new();
+        let mut known = sample_index;
+        while runs.len() < RUNS && known < samples {
+            let position = at(known as f32);
             let brick: [i32; 3] = std::array::from_fn(|a| {
                 let voxel = anchor.cell[a] + (position[a] + 0.5).floor() as i32;
-                (voxel.max(0) / scene.payload[a]).min(level.bricks[a] as i32 - 1)
+                (voxel.max(0) / scene.payload[a]).min(scene.levels[level].bricks[a] as i32 - 1)
             });
-            let place = place_of_brick(level, brick);
-            let mut found = Vec::new();
-            for channel in scene.channels {
-                let (has, state) = look_up(cache, scene, channel, place, brick, settings.round);
-                found.push(has);
-                if state <= ENTRY_EXPECTED {
-                    missing = Some(place);
-                }
-                partial.met |= match state {
+            let found: Vec<Found> = scene
+                .channels
+                .iter()
+                .map(|channel| match settings.substitute {
+                    false => look_up(cache, scene, channel, (level, brick), push.round),
+                    true => substitute(cache, scene, channel, (level, brick), push.round, weight),
+                })
+                .collect();
+            for found in &found {
+                partial.met |= match found.state {
                     ENTRY_FAILED => MET_FAILED,
                     ENTRY_ABSENT => MET_ABSENT,
                     _ => 0,
                 };
             }
-            if missing.is_some() {
-                break;
+            if found.iter().any(|found| found.state <= ENTRY_EXPECTED) {
+                if !settings.substitute {
+                    missing = Some(place_of_brick(&scene.levels[level], brick));
+                    break;
+                }
+                partial.met |= MET_PENDING;
             }
             let first = std::array::from_fn(|a| brick[a] * scene.payload[a] - anchor.cell[a]);
-            let run = samples_until_border(position, step_voxel, first, scene.payload);
-            let run_end = sample_index + run;
-            if scene.skipping && found.iter().all(|has| matches!(has, Has::Nothing)) {
-                sample_index = run_end;
+            let end = known + samples_until_border(position, step_voxel, first, scene.payload);
+            runs.push(Run { first: known, end, found });
+            known = end;
+        }
+        let texel = |channel: &Channel, found: &Found, origin: [i32; 3], steps: f32| {
+            let (corner, within) = cell_in_level(anchor.cell, at(steps), found.shift);
+            let corner = std::array::from_fn(|a| origin[a] + corner[a] + 1);
+            let [texel] = filtered(&channel.atlas, corner, within, |texel| [texel]);
+            texel
+        };
+        for Run { first, end, found } in &runs {
+            if scene.skipping && found.iter().all(|found| matches!(found.has, Has::Nothing)) {
+                sample_index = *end;
                 continue;
             }
-            let texel = |channel: &Channel, origin: [i32; 3], steps: f32| {
-                let position: [f32; 3] =
-                    std::array::from_fn(|a| anchor_fraction[a] + steps * step_voxel[a]);
-                let cell = position.map(f32::floor);
-                let within = std::array::from_fn(|a| position[a] - cell[a]);
-                let corner =
-                    std::array::from_fn(|a| origin[a] + anchor.cell[a] + 1 + cell[a] as i32);
-                let [texel] = filtered(&channel.atlas, corner, within, |texel| [texel]);
-                texel
-            };
-            let run_samples = run_end.min(samples) - sample_index;
+            sample_index = (*end).min(samples);
+            let channels = || scene.channels.iter().zip(found);
             if settings.preintegrated {
-                for index in sample_index..sample_index + run_samples {
-                    let spans = scene.channels.iter().zip(&found).map(|(channel, has)| {
-                        let points = [0.0, 1.0, 2.0].map(|phase| match *has {
+                for index in *first..sample_index {
+                    let spans = channels().map(|(channel, found)| {
+                        let points = [0.0, 1.0, 2.0].map(|phase| match found.has {
                             Has::Nothing => Point::NONE,
                             Has::Constant(texel) => Point::new([1.0; 3], texel, channel.segments),
                             Has::Slot { origin } => {
                                 let steps = 0.5 * ((2 * index) as f32 + phase) - 0.5;
-                                let texel = texel(channel, origin, steps);
+                                let texel = texel(channel, found, origin, steps);
                                 Point::new([1.0; 3], texel, channel.segments)
                             }
                         });
@@ -185,16 +217,16 @@ pub fn march_bricks(
                         composite_span(&mut block, &contents, 0.5 * geometry.step_world);
                     }
                 }
-                state.samples_taken += 2 * run_samples + 1;
+                state.samples_taken += 2 * (sample_index - first) + 1;
             } else {
-                for index in sample_index..sample_index + run_samples {
+                for index in *first..sample_index {
                     let mut medium = Medium::new(scene.channels.len() > 1);
-                    for (channel, has) in scene.channels.iter().zip(&found) {
-                        let classified = match *has {
+                    for (channel, found) in channels() {
+                        let classified = match found.has {
                             Has::Nothing => [0.0; 4],
                             Has::Constant(texel) => classified_or_nothing(channel.segments, texel),
                             Has::Slot { origin } => {
-                                let texel = texel(channel, origin, index as f32);
+                                let texel = texel(channel, found, origin, index as f32);
                                 classified_or_nothing(channel.segments, texel)
                             }
                         };
@@ -202,20 +234,17 @@ pub fn march_bricks(
                     }
                     block.composite(medium.mixed(), geometry.step_world);
                 }
-                state.samples_taken += run_samples;
+                state.samples_taken += sample_index - first;
             }
-            sample_index += run_samples;
         }
         if sample_index >= samples {
-            blocks_left -= 1;
+            *blocks_left -= 1;
             join_block(state, &block);
             block = Block::EMPTY;
             let skipped = (sample_index / BLOCK_SAMPLES * BLOCK_SAMPLES).max(samples);
             state.next_sample = geometry.sample_count.min(state.next_sample + skipped);
             sample_index = sample_index.saturating_sub(skipped);
-            if let Some(early_stop) = settings.early_stop
-                && attenuate(state.optical_depth).transmitted < early_stop
-            {
+            if settings.early_stop && attenuate(state.optical_depth).transmitted < push.early_stop {
                 state.next_sample = geometry.sample_count;
                 partial.level = scene.levels.len() as u32;
             }
@@ -228,16 +257,42 @@ pub fn march_bricks(
     missing
 }
 
+/// The cell of a level `shift` levels coarser, and the place in it, of a position relative to a cell.
+fn cell_in_level(
+    anchor_cell: [i32; 3],
+    position: [f32; 3],
+    shift: [u32; 3],
+) -> ([i32; 3], [f32; 3]) {
+    let (mut corner, mut within) = ([0; 3], [0.0; 3]);
+    for axis in 0..3 {
+        let base = anchor_cell[axis] >> shift[axis];
+        let place = match shift[axis] {
+            0 => position[axis],
+            shift => {
+                let rest = (anchor_cell[axis] - (base << shift)) as f32;
+                ((rest + 0.5) + position[axis]) / (1 << shift) as f32 - 0.5
+            }
+        };
+        let cell = place.floor();
+        corner[axis] = base + cell as i32;
+        within[axis] = place - cell;
+    }
+    (corner, within)
+}
+
+fn entry_of(scene: &Scene, channel: &Channel, level: usize, brick: [i32; 3]) -> usize {
+    let place = place_of_brick(&scene.levels[level], brick);
+    (channel.entry_first + place * channel.channels + channel.channel) as usize
+}
+
 fn look_up(
     cache: &mut Cache,
     scene: &Scene,
     channel: &Channel,
-    place: u32,
-    brick: [i32; 3],
+    (level, brick): (usize, [i32; 3]),
     round: u32,
-) -> (Has, u32) {
-    let entry = channel.entry_first + place * channel.channels + channel.channel;
-    let value = cache.page_table[entry as usize];
+) -> Found {
+    let value = cache.page_table[entry_of(scene, channel, level, brick)];
     let (state, payload) = (value >> ENTRY_STATE_SHIFT, value & ENTRY_PAYLOAD_MASK);
     let has = match state {
         ENTRY_MAPPED => {
@@ -252,7 +307,36 @@ fn look_up(
         ENTRY_CONSTANT => Has::Constant(scene.constants[payload as usize][3]),
         _ => Has::Nothing,
     };
-    (has, state)
+    Found { has, state, shift: [0; 3] }
+}
+
+/// As [`look_up`], but with what the finest coarser level has where the brick is not there; a brick that
+/// nobody has asked for is wished for, as urgently as `weight` says.
+fn substitute(
+    cache: &mut Cache,
+    scene: &Scene,
+    channel: &Channel,
+    (level, brick): (usize, [i32; 3]),
+    round: u32,
+    weight: u32,
+) -> Found {
+    let mut found = look_up(cache, scene, channel, (level, brick), round);
+    let missed = found.state;
+    if missed == ENTRY_UNMAPPED {
+        let entry = entry_of(scene, channel, level, brick);
+        cache.wished[entry >> 5] |= 1 << (entry & 31);
+        cache.wish_weight[entry] += weight;
+    }
+    for coarser in level + 1..scene.levels.len() {
+        if found.state > ENTRY_EXPECTED && found.state != ENTRY_FAILED {
+            break;
+        }
+        let halvings = [coarser, level].map(|level| scene.levels[level].halvings);
+        let shift: [u32; 3] = std::array::from_fn(|a| halvings[0][a] - halvings[1][a]);
+        let above = std::array::from_fn(|a| brick[a] >> shift[a]);
+        found = Found { shift, ..look_up(cache, scene, channel, (coarser, above), round) };
+    }
+    Found { state: missed, ..found }
 }
 
 fn classified_or_nothing(segments: &[TransferSegment], texel: f32) -> [f32; 4] {

@@ -1,14 +1,15 @@
-//! Moves every ray on through the bricks that are there; twin of `shaders/march_bricks.comp` in exact
-//! refinement and one level.
+//! Moves every ray on through the bricks that are there; twin of `shaders/march_bricks.comp`, but for the
+//! papers' order.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::twins::brick_march::{Scene, Settings, march_bricks as march_ray, mark_place};
-use crate::twins::cache::Cache;
+use crate::twins::cache::{Cache, Progress};
 use crate::twins::limits::{PLACE_ENDED, PLACE_RUNNING};
 use crate::twins::ranks::rank_of_place;
 use crate::twins::ray::{RayGeometry, RayState};
-use crate::twins::ray_block::RayBlock;
+use crate::twins::ray_block::{MET_PENDING, RayBlock};
+use crate::twins::ray_setup::{ViewRays, set_up_ray_within};
 
 /// The shader's push constants.
 #[repr(C)]
@@ -45,42 +46,79 @@ pub struct Rays {
     pub places: Vec<u32>,
 }
 
-/// Marches every ray; `last`: the cache's progress learns where they wait.
+/// Marches every ray; in the round's last dispatch the cache's progress learns where they wait. `views`
+/// are used where settings say that there are several levels.
 pub fn march_bricks(
     rays: &mut Rays,
     cache: &mut Cache,
     scene: &Scene,
     settings: &Settings,
-    last: bool,
+    views: &[ViewRays],
+    push: &Push,
 ) {
+    let levels = scene.levels.len() as u32;
     for ray in 0..rays.places.len() {
         let mut place = rays.places[ray];
-        if place == PLACE_ENDED {
-            continue;
-        }
-        let round = settings.round;
-        if place == PLACE_RUNNING || !mark_place(cache, scene, round, place) {
-            let geometry = &rays.geometry[ray];
+        let round = push.round;
+        let goes_on = place != PLACE_ENDED;
+        if goes_on && (place == PLACE_RUNNING || !mark_place(cache, scene, round, place)) {
             let (state, partial) = (&mut rays.states[ray], &mut rays.blocks[ray]);
-            let missing = march_ray(geometry, state, partial, cache, scene, settings);
-            place = match missing {
-                _ if state.next_sample >= geometry.sample_count => PLACE_ENDED,
-                None => PLACE_RUNNING,
-                Some(place) => {
-                    mark_place(cache, scene, round, place);
-                    place
+            let mut blocks_left = push.blocks_max;
+            place = loop {
+                let geometry = &rays.geometry[ray];
+                let push_and_left = (push, &mut blocks_left);
+                let missing =
+                    march_ray(geometry, state, partial, cache, scene, settings, push_and_left);
+                if state.next_sample < geometry.sample_count {
+                    break missing.unwrap_or(PLACE_RUNNING);
                 }
+                if !settings.several_levels || partial.level + 1 >= levels {
+                    break PLACE_ENDED;
+                }
+                partial.level += 1;
+                let level = &scene.levels[partial.level as usize];
+                let [x, y, z, step_world] = level.per_scale_step;
+                let [width, _] = push.tile_size_pixel;
+                let in_tile = [ray as u32 % width, ray as u32 / width];
+                rays.geometry[ray] = set_up_ray_within(
+                    &views[push.view as usize],
+                    std::array::from_fn(|a| push.tile_origin_pixel[a] + in_tile[a]),
+                    push.volume_size,
+                    step_world,
+                    level.depth,
+                    [x, y, z],
+                );
+                state.next_sample = 0;
             };
+            if place < PLACE_RUNNING {
+                mark_place(cache, scene, round, place);
+            }
             rays.places[ray] = place;
             cache.progress.moved += 1;
         }
-        if last && place != PLACE_ENDED {
-            let waits = place != PLACE_RUNNING;
-            let rank = if waits { rank_of_place(scene.levels, place) } else { 0 };
-            let progress = &mut cache.progress;
-            progress.front = progress.front.min(rank);
-            progress.waiting += u32::from(waits);
-            progress.running += u32::from(!waits);
+        if push.last != 0 {
+            tell_progress(&mut cache.progress, place, rays.blocks[ray].met, scene, settings);
         }
     }
+}
+
+/// Where a ray stands after a round.
+fn tell_progress(
+    progress: &mut Progress,
+    place: u32,
+    met: u32,
+    scene: &Scene,
+    settings: &Settings,
+) {
+    let ended = place == PLACE_ENDED;
+    let waits = match settings.substitute {
+        true => ended && met & MET_PENDING != 0,
+        false => place < PLACE_RUNNING,
+    };
+    if !settings.substitute && !ended {
+        let rank = if waits { rank_of_place(scene.levels, place) } else { 0 };
+        progress.front = progress.front.min(rank);
+    }
+    progress.waiting += u32::from(waits);
+    progress.running += u32::from(!waits && !ended);
 }

@@ -14,15 +14,19 @@ use ashfall::volume::{Levels, Size3};
 
 use crate::common::device::Device;
 use crate::truth::Random;
-use crate::world::{Plan, World, below, chance, draw};
+use crate::world::{Brick, Plan, World, below, chance, draw};
 
 /// What a scene is made of, and what its shader can do.
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {
     pub size: [u32; 3],
     pub payload: [u32; 3],
-    /// The one in use.
+    /// The finest in use.
     pub level: usize,
+    /// How many are in use, as the way along a ray grows.
+    pub levels: usize,
+    /// Coarser levels stand in for what is missing.
+    pub substitute: bool,
     /// Channels of each atlas.
     pub atlases: &'static [u32],
     pub filter: FilterShape,
@@ -39,8 +43,8 @@ pub struct BrickScene {
     pub world: World,
     /// Atlas and number in there of each channel.
     pub places: Vec<(usize, u32)>,
-    /// Voxels of the level, with an apron of the repeated edge, of each channel.
-    voxels: Vec<Vec<f32>>,
+    /// Voxels of each level that bricks are of, with an apron of the repeated edge, of each channel.
+    voxels: Vec<Vec<Vec<f32>>>,
     pub segments: Vec<Vec<TransferSegment>>,
     slots_across: [u32; 3],
     /// Of each atlas.
@@ -52,6 +56,15 @@ pub struct BrickScene {
     pub constants: Vec<[f32; 4]>,
 }
 
+impl Spec {
+    /// Levels that bricks are of.
+    pub fn brick_levels(&self, levels: &Levels) -> std::ops::Range<usize> {
+        self.level..if self.substitute { levels.count() } else { self.level + self.levels }
+    }
+}
+
+/// Voxels of levels: two axes are reduced before the third.
+const SPACING: [f64; 3] = [1.0, 1.0, 1.7];
 /// Values below this are invisible.
 const VISIBLE: f32 = 0.3;
 /// In texels that nobody may read: no picture survives it.
@@ -59,21 +72,30 @@ const NONSENSE: f32 = 1.0e37;
 
 impl BrickScene {
     pub fn new(random: &mut Random, spec: Spec) -> BrickScene {
-        let Spec { size, payload, level, .. } = spec;
+        let Spec { size, payload, .. } = spec;
         let [payload_size, size] = [payload, size].map(Size3::from_array);
-        let levels = Levels::of(size, [1.0; 3], payload_size);
+        let several = spec.substitute || spec.levels > 1;
+        let spacing = if several { SPACING } else { [1.0; 3] };
+        let levels = Levels::of(size, spacing, payload_size);
+        let of_bricks = spec.brick_levels(&levels);
+        assert!(of_bricks.end <= levels.count() && !of_bricks.is_empty(), "{spec:?}");
         let bricks = |level: ashfall::volume::Level| {
             let size = level.size.to_array();
             std::array::from_fn(|axis| size[axis].div_ceil(payload[axis]))
         };
         let bricks: Vec<[u32; 3]> = levels.iter().map(bricks).collect();
-        let voxel_size = levels.get(level as u8).expect("the level").size.to_array();
-        let most = bricks[level].iter().product::<u32>() * spec.atlases.iter().max().unwrap();
+        let voxel_size = |level: usize| levels.get(level as u8).expect("it").size.to_array();
+        let of_channel: u32 =
+            bricks[of_bricks.clone()].iter().map(|bricks| bricks.iter().product::<u32>()).sum();
+        let most = of_channel * spec.atlases.iter().max().unwrap();
         let slots_across = [5, 3, (most + 4).div_ceil(15)];
         let slots = slots_across.iter().product();
         let atlases: Vec<(u32, u32)> = spec.atlases.iter().map(|c| (*c, slots)).collect();
-        let world =
-            World::new(Plan { levels: bricks.leak(), atlases: atlases.leak(), substitute: false });
+        let world = World::new(Plan {
+            levels: bricks.leak(),
+            atlases: atlases.leak(),
+            substitute: spec.substitute,
+        });
         let mut places: Vec<(usize, u32)> = Vec::new();
         for (atlas, channels) in spec.atlases.iter().enumerate() {
             places.extend((0..*channels).map(|channel| (atlas, channel)));
@@ -81,8 +103,12 @@ impl BrickScene {
         places.sort_by_key(|(atlas, channel)| (*channel, *atlas));
         // Nothing is where no channel has anything.
         let blocks = below(random, 1 << 20);
-        let voxels = |_| random_voxels(random, blocks, voxel_size, &spec);
-        let voxels: Vec<_> = places.iter().map(voxels).collect();
+        let mut of_level = |level| -> Vec<_> {
+            let size = voxel_size(level);
+            places.iter().map(|_| random_voxels(random, blocks, size, &spec)).collect()
+        };
+        let voxels: Vec<_> = of_bricks.clone().map(&mut of_level).collect();
+        let sizes: Vec<_> = of_bricks.clone().map(voxel_size).collect();
         let mut segments: Vec<_> =
             places.iter().map(|_| transfer(random, spec.segments, spec.holes)).collect();
         if spec.preintegrated {
@@ -105,10 +131,11 @@ impl BrickScene {
         scene.constants[7] = [f32::NAN; 4];
         let mut free = vec![(0..slots).collect::<Vec<u32>>(); spec.atlases.len()];
         for entry in 0..scene.world.entries {
-            if scene.world.bricks[entry as usize].is_some_and(|brick| brick.level == level) {
+            let brick = scene.world.bricks[entry as usize];
+            if let Some(brick) = brick.filter(|brick| of_bricks.contains(&brick.level)) {
                 let atlas = scene.atlas_of(entry);
                 let slot = draw(random, &mut free[atlas]).expect("slots for all");
-                scene.place(entry, atlas, slot, voxel_size);
+                scene.place(entry, atlas, slot, sizes[brick.level - of_bricks.start]);
             }
         }
         scene
@@ -132,7 +159,8 @@ impl BrickScene {
         let shape = self.world.atlases[atlas];
         let number = (entry - shape.entry_first) % shape.channels;
         let channel = self.places.iter().position(|p| *p == (atlas, number)).expect("a channel");
-        let brick = self.world.bricks[entry as usize].expect("a brick").brick;
+        let Brick { level, brick } = self.world.bricks[entry as usize].expect("a brick");
+        let voxels = &self.voxels[level - self.spec.level][channel];
         let [across, down, _] = self.slots_across;
         let slot_at = [slot % across, slot / across % down, slot / across / down];
         let (slot_size, [width, height, _]) = (self.slot_size(), self.atlas_size());
@@ -148,7 +176,7 @@ impl BrickScene {
                         continue;
                     }
                     let row = at[2] * (size[1] + 2) + at[1];
-                    let voxel = self.voxels[channel][(row * (size[0] + 2) + at[0]) as usize];
+                    let voxel = voxels[(row * (size[0] + 2) + at[0]) as usize];
                     visible |= voxel >= VISIBLE;
                     let to: [u32; 3] =
                         std::array::from_fn(|a| slot_at[a] * slot_size[a] + local[a]);
@@ -180,8 +208,14 @@ impl BrickScene {
             },
             places: self.places.clone(),
             atlases: self.world.atlases.iter().map(atlas).collect(),
-            ranks: RankShape { levels: self.levels.count() as u32, order: RankOrder::Guarded },
-            several_levels: false,
+            ranks: RankShape {
+                levels: self.levels.count() as u32,
+                order: match self.spec.substitute {
+                    true => RankOrder::Substitute,
+                    false => RankOrder::Guarded,
+                },
+            },
+            several_levels: self.spec.levels > 1,
             views: 1,
             skipping,
             show_states: true,
@@ -249,15 +283,15 @@ impl BrickScene {
         })
     }
 
-    /// The level as one image per channel.
-    pub fn whole(&self) -> Vec<ray_march::Channel<'_>> {
-        let level = self.levels.get(self.spec.level as u8).expect("the level");
-        let size = level.size.to_array().map(|edge| edge + 2);
+    /// A level as one image per channel.
+    pub fn whole(&self, level: usize) -> Vec<ray_march::Channel<'_>> {
+        let size = self.levels.get(level as u8).expect("the level").size.to_array();
+        let size = size.map(|edge| edge + 2);
         let channel = |(voxels, segments)| ray_march::Channel::Scalar {
             texels: Texels { size, texels: voxels },
             segments,
         };
-        let voxels = self.voxels.iter().map(|voxels| &voxels[..]);
+        let voxels = self.voxels[level - self.spec.level].iter().map(|voxels| &voxels[..]);
         voxels.zip(self.segments.iter().map(|segments| &segments[..])).map(channel).collect()
     }
 }

@@ -4,7 +4,7 @@ use ashfall::twins::ranks::{brick_of_place, level_of_place, place_of_brick, rank
 use ashfall::volume::{Levels, Size3};
 
 use crate::truth::Random;
-use crate::view_levels::{inner_view, level_views};
+use crate::view_levels::{crossing, depths_between, inner_view, level_views, ray_of_pixel};
 use crate::views::placed;
 use crate::world::{below, pick};
 
@@ -28,42 +28,14 @@ fn ranks_grow_from_brick_to_brick_along_every_ray() {
             _ => volume.view(&mut random),
         };
         let rays = volume.rays(&view, PICTURE);
-        let voxel = |rays: &[[f64; 4]; 3], at: [f64; 2]| -> [f64; 3] {
-            std::array::from_fn(|a| rays[0][a] + rays[1][a] * at[0] + rays[2][a] * at[1])
-        };
-        let origins = [rays.origin_voxel, rays.origin_column_voxel, rays.origin_row_voxel];
-        let directions =
-            [rays.direction_voxel, rays.direction_column_voxel, rays.direction_row_voxel];
-        // Where the ray is inside, if anywhere.
-        let crossing = |origin: [f64; 3], direction: [f64; 3]| {
-            let (mut enter, mut leave) = (0.0f64, 1e300f64);
-            for axis in 0..3 {
-                let extent = f64::from(size[axis]);
-                if direction[axis] == 0.0 {
-                    if !(0.0..=extent).contains(&origin[axis]) {
-                        leave = -1.0;
-                    }
-                    continue;
-                }
-                let ends = [0.0, extent].map(|end| (end - origin[axis]) / direction[axis]);
-                enter = enter.max(ends[0].min(ends[1]));
-                leave = leave.min(ends[0].max(ends[1]));
-            }
-            (enter, leave)
-        };
-        let middle = [f64::from(PICTURE[0]) / 2.0; 2];
-        let (near, far) = crossing(voxel(&origins, middle), voxel(&directions, middle));
+        let (near, far) =
+            crossing(ray_of_pixel(&rays, PICTURE.map(|edge| f64::from(edge) / 2.0)), size);
         if far <= near {
             continue;
         }
-        // Levels change somewhere on the way, at the same parameter of all rays.
         let finest = below(&mut random, levels.count() as u32) as usize;
         let used = 1 + below(&mut random, (levels.count() - finest) as u32);
-        let mut depths = vec![0.0];
-        for level in 1..used {
-            let part = f64::from(level) / f64::from(used);
-            depths.push(near + (far - near) * part * random.between(0.8, 1.0));
-        }
+        let depths = depths_between(&mut random, [near, far], used);
         let (views, ranks) = level_views(&levels, payload, &rays, finest, &depths, 1.0);
         for view in &views {
             for brick in [[0; 3], view.bricks.map(|edge| edge as i32 - 1), view.eye_brick] {
@@ -74,8 +46,8 @@ fn ranks_grow_from_brick_to_brick_along_every_ray() {
         }
         for pixel in 0..PICTURE[0] * PICTURE[1] {
             let at = [pixel % PICTURE[0], pixel / PICTURE[0]].map(|p| f64::from(p) + 0.5);
-            let (origin, direction) = (voxel(&origins, at), voxel(&directions, at));
-            let (enter, leave) = crossing(origin, direction);
+            let (origin, direction) = ray_of_pixel(&rays, at);
+            let (enter, leave) = crossing((origin, direction), size);
             let mut last: Option<(u32, u32, usize)> = None;
             for step in 0..STEPS {
                 let t = enter + (leave - enter) * (f64::from(step) + 0.5) / f64::from(STEPS);

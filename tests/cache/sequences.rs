@@ -1,10 +1,9 @@
 //! The cache's shaders against their twins over long random runs, and faults planted in the shaders.
 
-use ashfall::gpu::ShaderCompiler;
-use ashfall::passes::SOURCES;
 use ashfall::twins::publish::publish;
 
 use crate::common::device::{Device, device};
+use crate::faults::{Fault, all_noticed};
 use crate::host::Host;
 use crate::invariants::{Before, holds};
 use crate::model::PLANS;
@@ -114,9 +113,6 @@ fn shaders_equal_the_twins_over_a_million_operations() {
     }
 }
 
-/// A shader, what it says, and what it would say with a fault.
-type Fault = (&'static str, &'static str, &'static str);
-
 #[rustfmt::skip]
 const FAULTS: &[Fault] = &[
     ("publish.comp", "= update.value;", "= update.value | 1u;"),
@@ -163,20 +159,7 @@ fn planted_faults_are_noticed() {
     for plan in plans {
         run(&device, 500, plan, 8_000, &mut Seen::default()).unwrap_or_else(|why| panic!("{why}"));
     }
-    let mut unnoticed = Vec::new();
-    for (file, from, to) in FAULTS {
-        let mut sources = SOURCES.to_vec();
-        let source = sources.iter_mut().find(|(name, _)| name == file).expect("a shader");
-        assert_eq!(source.1.matches(from).count(), 1, "{file}: {from}");
-        source.1 = source.1.replace(from, to).leak();
-        device.compiler = ShaderCompiler::new(sources.leak(), None);
-        let noticed = plans
-            .iter()
-            .find_map(|plan| run(&device, 500, *plan, 8_000, &mut Seen::default()).err());
-        match noticed {
-            Some(why) => eprintln!("{file}: {from}: {why}"),
-            None => unnoticed.push((file, from, to)),
-        }
-    }
-    assert!(unnoticed.is_empty(), "unnoticed: {unnoticed:#?}");
+    all_noticed(&mut device, FAULTS, |device| {
+        plans.iter().find_map(|plan| run(device, 500, *plan, 8_000, &mut Seen::default()).err())
+    });
 }

@@ -71,3 +71,41 @@ pub fn inner_view(volume: &Placed, random: &mut Random) -> View {
     View::looking_at("inside".to_owned(), eye, target, unit_vector(random), projection)
         .expect("a good view")
 }
+
+/// Origin and direction in voxels of the ray through a place of the picture.
+pub fn ray_of_pixel(rays: &ViewRays, at: [f64; 2]) -> ([f64; 3], [f64; 3]) {
+    let voxel = |[base, column, row]: [[f64; 4]; 3]| -> [f64; 3] {
+        std::array::from_fn(|a| base[a] + column[a] * at[0] + row[a] * at[1])
+    };
+    let origin = [rays.origin_voxel, rays.origin_column_voxel, rays.origin_row_voxel];
+    let direction = [rays.direction_voxel, rays.direction_column_voxel, rays.direction_row_voxel];
+    (voxel(origin), voxel(direction))
+}
+
+/// Between which parameters the ray is inside of the volume; the second is the less one where it never is.
+pub fn crossing((origin, direction): ([f64; 3], [f64; 3]), size: [u32; 3]) -> (f64, f64) {
+    let (mut enter, mut leave) = (0.0f64, 1e300f64);
+    for axis in 0..3 {
+        let extent = f64::from(size[axis]);
+        if direction[axis] == 0.0 {
+            if !(0.0..=extent).contains(&origin[axis]) {
+                leave = -1.0;
+            }
+            continue;
+        }
+        let ends = [0.0, extent].map(|end| (end - origin[axis]) / direction[axis]);
+        enter = enter.max(ends[0].min(ends[1]));
+        leave = leave.min(ends[0].max(ends[1]));
+    }
+    (enter, leave)
+}
+
+/// Where `used` levels begin that change somewhere on the way, at the same parameter of all rays.
+pub fn depths_between(random: &mut Random, [near, far]: [f64; 2], used: u32) -> Vec<f64> {
+    let mut depths = vec![0.0];
+    for level in 1..used {
+        let part = f64::from(level) / f64::from(used);
+        depths.push(near + (far - near) * part * random.between(0.8, 1.0));
+    }
+    depths
+}

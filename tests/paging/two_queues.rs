@@ -63,6 +63,35 @@ fn real_drawings_have_no_fault() {
     device.finish();
 }
 
+/// Placements are written beside those that the device has not read yet: the host waits for no batch
+/// but those that it has long known to be placed.
+#[test]
+fn placing_keeps_no_host_waiting() {
+    let Some(device) = Device::open() else { return };
+    let mut reused = 0;
+    for lockstep in [true, false] {
+        for (slots, staging) in [(8, Some(1)), (8, None), (64, Some(1)), (64, None)] {
+            let drawn = recorded(&device, slots, CopyPath::Placed, lockstep, staging);
+            let what = format!("lockstep {lockstep}, {slots} slots, {staging:?}");
+            let mut known = 0;
+            for record in &drawn.records {
+                let places = record.steps.iter().any(|step| step.label == "place");
+                for event in &record.host {
+                    let HostEvent::Waited(point) = event else { continue };
+                    if places {
+                        assert!(point.value <= known, "{what}: {point:?}, known {known}");
+                        reused += 1;
+                    } else if point.role == RoleKind::Render {
+                        known = known.max(point.value);
+                    }
+                }
+            }
+        }
+    }
+    assert!(reused > 20, "{reused} batches took the place of others");
+    device.finish();
+}
+
 /// Surveys and bricks come while the device marches: what it then still asks for is on its way.
 #[test]
 fn running_free_no_brick_takes_two_slots() {

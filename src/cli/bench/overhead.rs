@@ -53,11 +53,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.json {
         return print_json(&table);
     }
-    describe(&table);
-    Ok(())
+    describe(&table)
 }
 
-fn describe(table: &OverheadTable) {
+fn describe(table: &OverheadTable) -> Result<()> {
     let [width, height] = table.size;
     print(format_args!(
         "{} ({})\n{edge} cubed in bricks of {payload} at {width} x {height}, {} time of a frame, medians of {}, everything resident\n\n{:<24} {:>9} {:>9} {:>6} {:>14} {:>6} {:>6} {:>8} {:>7} {:>8}\n",
@@ -77,7 +76,7 @@ fn describe(table: &OverheadTable) {
         "PSNR dB",
         edge = table.edge,
         payload = table.payload,
-    ));
+    ))?;
     for case in &table.cases {
         let psnr = case.psnr_db.map_or("equal".to_owned(), |psnr| format!("{psnr:.1}"));
         print(format_args!(
@@ -91,10 +90,10 @@ fn describe(table: &OverheadTable) {
             case.march_ratio.median,
             case.management_share.median * 100.0,
             case.marks_share.median * 100.0,
-        ));
+        ))?;
     }
     print(format_args!(
         "\n\"march\": the ratio of passes that march alone, on the device; goal of managing: {:.0} %\n",
         table.management_goal * 100.0
-    ));
+    ))
 }

@@ -92,7 +92,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.json {
         print_json(&table)?;
     } else {
-        describe(&table);
+        describe(&table)?;
     }
     unless_unended(&table)
 }
@@ -116,7 +116,7 @@ fn cases(arguments: &Arguments) -> Result<Vec<Case>> {
     ])
 }
 
-fn describe(table: &ReloadTable) {
+fn describe(table: &ReloadTable) -> Result<()> {
     print(format_args!(
         "{} ({})\n{} time, medians of {}; factor: bricks uploaded over bricks needed\n\n{:<14} {:<8} {:>6} {:>8} {:>8} {:>7} {:>7} {:>9} {:>17}\n",
         table.device,
@@ -132,7 +132,7 @@ fn describe(table: &ReloadTable) {
         "rounds",
         "ms",
         "least to most",
-    ));
+    ))?;
     for row in &table.rows {
         let ms = row.ms.map_or(["-".to_owned(), String::new()], |ms| {
             [format!("{:.0}", ms.median), format!("{:.0} to {:.0}", ms.least, ms.most)]
@@ -150,8 +150,9 @@ fn describe(table: &ReloadTable) {
             ms[0],
             ms[1],
             row.never_ends.as_ref().map(|why| format!("  never ends ({why})")).unwrap_or_default(),
-        ));
+        ))?;
     }
+    Ok(())
 }
 
 /// One column per scene, one line per order: factor, rounds, time.

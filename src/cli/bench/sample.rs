@@ -32,11 +32,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.json {
         return print_json(&table);
     }
-    describe(&table);
-    Ok(())
+    describe(&table)
 }
 
-fn describe(table: &PriceTable) {
+fn describe(table: &PriceTable) -> Result<()> {
     print(format_args!(
         "{} ({})\n{:.1} million samples a measurement, {} time, medians\n\n{:<28} {:>8} {:>15} {:>10} {:>10} {:>10}\n",
         table.device,
@@ -49,7 +48,7 @@ fn describe(table: &PriceTable) {
         "over loop",
         "over bare",
         "error"
-    ));
+    ))?;
     for price in &table.prices {
         let [least, most] = price.ns_min_max;
         let over_bare = price.over_bare.map(|ratio| format!("{ratio:.2}")).unwrap_or_default();
@@ -60,6 +59,7 @@ fn describe(table: &PriceTable) {
             price.ns,
             format!("{least:.2} to {most:.2}"),
             price.over_loop
-        ));
+        ))?;
     }
+    Ok(())
 }

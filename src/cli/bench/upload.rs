@@ -60,11 +60,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.json {
         return print_json(&table);
     }
-    describe(&table);
-    Ok(())
+    describe(&table)
 }
 
-fn describe(table: &UploadTable) {
+fn describe(table: &UploadTable) -> Result<()> {
     print(format_args!(
         "{} ({})\nbytes of texels a second over memcpy's, {} time, medians of {} (least to most)\n\n{:<30} {:>11} {:>20} {:>20} {:>20} {:>6} {:>20}\n",
         table.device,
@@ -78,7 +77,7 @@ fn describe(table: &UploadTable) {
         "both",
         "wall",
         "one region",
-    ));
+    ))?;
     for row in &table.rows {
         let ratio = |rate: &crate::study::upload_price::Rate| {
             let over = rate.over_memcpy;
@@ -93,9 +92,10 @@ fn describe(table: &UploadTable) {
             ratio(&row.together),
             row.together.wall_over_memcpy.median,
             ratio(&row.one_region),
-        ));
+        ))?;
     }
     for left in &table.left_out {
-        print(format_args!("left out: {} for {}: {}\n", left.path, left.texels, left.why));
+        print(format_args!("left out: {} for {}: {}\n", left.path, left.texels, left.why))?;
     }
+    Ok(())
 }

@@ -132,14 +132,12 @@ impl Paged {
             resolve: pipeline(8)?,
             placing: match plan.copy_path {
                 CopyPath::Straight => None,
-                CopyPath::Placed => Some(Placing {
-                    upload: make("upload")?,
-                    placements: make("placements")?,
-                    pipelines: (9..shaders.len()).map(pipeline).collect::<Result<_>>()?,
-                    free: 0,
-                    written: 0,
-                    placed_at: None,
-                }),
+                CopyPath::Placed => Some(Placing::new(
+                    gpu,
+                    &whole.buffer("upload").spec,
+                    &whole.buffer("placements").spec,
+                    (9..shaders.len()).map(pipeline).collect::<Result<_>>()?,
+                )?),
             },
             loading,
             residency,
@@ -226,9 +224,11 @@ impl Paged {
         }
         self.trace_flush(begin, submitted.point, &staged);
         let mut made = vec![submitted];
+        let span = self.place_span();
         if let Some(placing) = &mut self.placing {
             made.push(placing.place(gpu, self.residency.atlases(), &staged, made[0].point)?);
         }
+        drop(span);
         self.copied_until = made.last().map(|submitted| submitted.point);
         if let Some(records) = records {
             records.extend(made.into_iter().map(|submitted| submitted.record));

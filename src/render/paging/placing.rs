@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::gpu::{
-    Access, Buffer, ComputePipeline, Gpu, HostEvent, Image, Recorder, RoleKind, SlotEvent,
-    Submitted, TimePoint,
+    Access, Buffer, BufferSpec, ComputePipeline, Gpu, Image, MemoryHome, Recorder, Ring, RoleKind,
+    SlotEvent, Submitted, TimePoint,
 };
 use crate::passes::place;
 use crate::render::paging::paged::StagedBrick;
@@ -16,12 +16,10 @@ use crate::twins::place::Placement;
 /// The upload buffer and the passes that place bricks from it, one per atlas.
 pub struct Placing {
     pub upload: Buffer,
-    pub placements: Buffer,
-    pub pipelines: Vec<Arc<ComputePipeline>>,
+    placements: Ring,
+    pipelines: Vec<Arc<ComputePipeline>>,
     /// First byte of the upload buffer that nothing is staged for.
     pub free: u64,
-    /// Placements that a dispatch under way may still read.
-    pub written: usize,
     /// The upload buffer is read until then.
     pub placed_at: Option<TimePoint>,
 }
@@ -39,6 +37,28 @@ pub fn slots_by_atlas(staged: &[StagedBrick]) -> Vec<(usize, Vec<u32>)> {
 }
 
 impl Placing {
+    /// The placements that are written while `slots` slots can be filled. Twice as many as slots, so that
+    /// writing them never has to wait: bricks that the device may not have placed yet lie in different
+    /// slots, and where a batch does not fit behind them, it fits in front of them.
+    pub fn placements_spec(slots: usize) -> BufferSpec {
+        let bytes = 2 * slots * size_of::<Placement>();
+        BufferSpec { name: "placements", bytes: bytes as u64, home: MemoryHome::Upload }
+    }
+
+    /// Makes both buffers; `pipelines` are the pass's, one per atlas.
+    ///
+    /// # Errors
+    /// Exit code 4 when the device has no memory left.
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        upload: &BufferSpec,
+        placements: &BufferSpec,
+        pipelines: Vec<Arc<ComputePipeline>>,
+    ) -> Result<Placing> {
+        let (upload, placements) = (Buffer::new(gpu, upload)?, Ring::new(gpu, placements)?);
+        Ok(Placing { upload, placements, pipelines, free: 0, placed_at: None })
+    }
+
     /// Places what was copied into the upload buffer, after `copied`.
     ///
     /// # Errors
@@ -58,34 +78,23 @@ impl Placing {
             let of_atlas = staged.iter().filter(|brick| brick.atlas == *atlas);
             placements.extend(of_atlas.map(|brick| brick.placement));
         }
-        // Behind those of before, which the device may not have read yet.
-        let mut host = Vec::new();
-        let room = self.placements.bytes() as usize / size_of::<Placement>();
-        if self.written + placements.len() > room {
-            if let Some(point) = self.placed_at {
-                gpu.wait(point)?;
-                host.push(HostEvent::Waited(point));
-            }
-            self.written = 0;
-        }
+        let (range, host) = self.placements.write(bytemuck::cast_slice(&placements))?;
+        let first_written = range.start as usize / size_of::<Placement>();
         let bytes_of = |first: usize, count: usize| {
-            let start = ((self.written + first) * size_of::<Placement>()) as u64;
+            let start = range.start + (first * size_of::<Placement>()) as u64;
             start..start + (count * size_of::<Placement>()) as u64
         };
-        let range = bytes_of(0, placements.len());
-        self.placements.write(range.start, bytemuck::cast_slice(&placements))?;
-        host.push(HostEvent::Wrote { buffer: self.placements.name(), range });
         let mut recorder = Recorder::new(gpu, RoleKind::Render, None);
         for ((atlas, slots), first) in by_atlas.iter().zip(&firsts) {
             let of_atlas = &placements[*first..][..slots.len()];
             let texels = of_atlas.iter().map(|placement| placement.size.iter().product());
             let push = twins::place::Push {
                 texels_max: texels.max().unwrap_or(1),
-                first_placement: (self.written + *first) as u32,
+                first_placement: (first_written + *first) as u32,
             };
             let resources = place::Resources {
                 upload: &self.upload,
-                placements: &self.placements,
+                placements: self.placements.buffer(),
                 atlas: &atlases[*atlas],
             };
             place::record(
@@ -100,12 +109,12 @@ impl Placing {
         submitted.record.host = host;
         let steps = submitted.record.steps.iter_mut().zip(by_atlas);
         for ((step, (atlas, slots)), first) in steps.zip(firsts) {
-            let (name, read) = (self.placements.name(), bytes_of(first, slots.len()));
+            let (name, read) = (self.placements.buffer().name(), bytes_of(first, slots.len()));
             step.regions.push((name, read, Access::ShaderRead));
             step.by_slot.push(atlases[atlas].spec().name);
             step.slots = slots.into_iter().map(|slot| (SlotEvent::Placed, slot)).collect();
         }
-        self.written += placements.len();
+        self.placements.read_until(submitted.point);
         self.free = 0;
         self.placed_at = Some(submitted.point);
         Ok(submitted)

@@ -12,6 +12,7 @@ use crate::passes::{place, rays, resolve};
 use crate::render::image_layout::{Layout, LayoutChoice, TexelLayout};
 use crate::render::paging::brick_numbers::{BrickNumbers, ChannelPlace};
 use crate::render::paging::host_cache::CONSTANTS_MAX;
+use crate::render::paging::placing::Placing;
 use crate::render::paging::settings::{CopyPath, LoadOrder};
 use crate::render::paging::view_levels::ViewLevels;
 use crate::render::paging::visibility::Judge;
@@ -21,7 +22,6 @@ use crate::render::transfer_segments::{open_both_ends, transfer_segments};
 use crate::residency::{AtlasLayout, AtlasPlan, ResidencyShape};
 use crate::scene::{Filter, Integrator, Quality, Refine};
 use crate::source::Description;
-use crate::twins::place::Placement;
 use crate::twins::ray::{RayGeometry, RayState};
 use crate::twins::ray_block::RayBlock;
 use crate::twins::ray_setup::ViewRays;
@@ -220,9 +220,8 @@ impl PagingPlan {
             spec("ray_place", per_ray(4), MemoryHome::Device),
         ];
         if self.copy_path == CopyPath::Placed {
-            let bricks = self.residency.slots() as usize;
             specs.push(spec("upload", self.staging_half_bytes, MemoryHome::Device));
-            specs.push(spec("placements", of(bricks, size_of::<Placement>()), MemoryHome::Upload));
+            specs.push(Placing::placements_spec(self.residency.slots() as usize));
         }
         specs.extend(self.residency.buffers());
         specs.extend(Staging::specs(self.staging_half_bytes, u64::MAX));

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Map, Value, json};
 
-use crate::cli::output::print_line;
+use crate::cli::output::{print_line, say};
 use crate::error::{Error, Result};
 
 /// Import against `lz4 -1`, brick reads against one file per brick, opening, decoding, memory.
@@ -72,8 +72,7 @@ const PARTS: [(&str, Part); 5] = [
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<()> {
     if let Some(file) = &arguments.open {
-        print_line(open::once(file)?);
-        return Ok(());
+        return print_line(open::once(file)?);
     }
     if let Some(part) =
         arguments.part.iter().find(|part| PARTS.iter().all(|(name, _)| name != part))
@@ -90,17 +89,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     results.insert("cores".to_owned(), json!(crate::cli::cores::all_cores()));
     for (name, part) in PARTS {
         if arguments.part.is_empty() || arguments.part.iter().any(|wanted| wanted == name) {
-            eprintln!("ashfall: measuring {name}");
+            say(format_args!("measuring {name}"));
             results.insert(name.to_owned(), part(arguments, &folder)?);
         }
     }
     let results = Value::Object(results);
-    if arguments.json {
-        print_line(&results);
-    } else {
-        print_line(format_args!("{results:#}"));
-    }
-    Ok(())
+    if arguments.json { print_line(&results) } else { print_line(format_args!("{results:#}")) }
 }
 
 fn disk(folder: &Folder, why: &std::io::Error) -> Error {

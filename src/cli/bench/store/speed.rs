@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use crate::cli::bench::store::{Arguments, Folder, data, median};
 use crate::cli::cores::all_cores;
+use crate::cli::output::say;
 use crate::error::Result;
 use crate::import::{Options, Settings, import};
 use crate::store::Compression;
@@ -80,7 +81,7 @@ pub fn import_against_lz4(arguments: &Arguments, folder: &Folder) -> Result<Valu
         json!({ "wall_s": wall_s, "cpu_s": cpu_s, "mib_per_second": voxel_mib / wall_s })
     };
     if theirs.is_empty() {
-        eprintln!("ashfall: SKIPPED: there is no lz4 to compare with; install it");
+        say("SKIPPED: there is no lz4 to compare with; install it");
     }
     let ratio = |of: fn(&(f64, f64)) -> f64| {
         let ratios: Vec<f64> = ours.iter().zip(&theirs).map(|(a, b)| of(a) / of(b)).collect();
