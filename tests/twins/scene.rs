@@ -12,8 +12,8 @@ use ashfall::twins::ray_march::Channel;
 use ashfall::twins::transfer::TransferSegment;
 
 use crate::common::device::Device;
+use crate::random::Random;
 use crate::texels::{Conversion, Raw, Texture};
-use crate::truth::Random;
 use crate::views::pick;
 
 /// What a voxel may be.
