@@ -2,8 +2,10 @@
 //! remedy, and with the contract's exit code, before any device is opened.
 
 mod binary;
+mod folder;
 
-use binary::{Folder, Run, ashfall, ashfall_within};
+use binary::{Run, ashfall, ashfall_within};
+use folder::Folder;
 
 /// A good scene; bad ones differ from it at one place.
 const GOOD: &str = r#"format = 1

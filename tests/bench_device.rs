@@ -1,12 +1,14 @@
 //! `ashfall bench overhead`, `upload`, `paging` and `features` run small here, so that they cannot rot. What they
 //! count is held to; what they time is not.
 
+mod folder;
+mod random;
 mod support;
 
 use std::process::{Command, Output};
 
+use folder::Folder;
 use serde_json::Value;
-use support::Folder;
 
 fn bench(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_ashfall")).arg("bench").args(arguments).output().unwrap()
@@ -102,8 +104,8 @@ fn upload_gives_every_rate_and_says_what_it_left_out() {
 
 #[test]
 fn paging_loads_each_brick_of_one_channel_about_once() {
-    let folder = Folder::new();
-    let output = folder.0.to_str().unwrap();
+    let folder = Folder::in_memory();
+    let output = folder.as_ref().to_str().unwrap();
     let small = ["paging", "--edge", "48", "--size", "40x40", "--repeats", "1", "--slots", "8,all"];
     let table = figures(&[&small[..], &["--order", "guarded", "-o", output]].concat());
     let rows = table["rows"].as_array().unwrap();
@@ -118,10 +120,10 @@ fn paging_loads_each_brick_of_one_channel_about_once() {
             assert!(factor <= 1.05, "{row}");
         }
     }
-    let csv = std::fs::read_to_string(folder.0.join("paging.csv")).unwrap();
+    let csv = std::fs::read_to_string(folder.path("paging.csv")).unwrap();
     assert_eq!(csv.lines().count(), 1 + rows.len());
     assert!(csv.starts_with("scene,order,slots,"));
-    let svg = std::fs::read_to_string(folder.0.join("paging.svg")).unwrap();
+    let svg = std::fs::read_to_string(folder.path("paging.svg")).unwrap();
     for words in ["<svg", "</svg>", "slots of the atlas", "uploaded over needed", "rounds"] {
         assert!(svg.contains(words), "{words}");
     }

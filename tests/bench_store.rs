@@ -1,15 +1,17 @@
 //! `ashfall bench store` runs small here, so that it cannot rot; a large index opens at once.
 
+mod folder;
+mod random;
 mod support;
 
 use std::process::Command;
 
+use folder::Folder;
 use serde_json::Value;
-use support::Folder;
 
 fn bench(folder: &Folder, arguments: &[&str]) -> Value {
     let output = Command::new(env!("CARGO_BIN_EXE_ashfall"))
-        .args(["bench", "store", "--json", "--folder", folder.0.to_str().unwrap()])
+        .args(["bench", "store", "--json", "--folder", folder.as_ref().to_str().unwrap()])
         .args(arguments)
         .output()
         .unwrap();
@@ -20,7 +22,7 @@ fn bench(folder: &Folder, arguments: &[&str]) -> Value {
 
 #[test]
 fn every_part_gives_its_figures() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let all = ["--edge", "64", "--repeats", "1", "--open-bricks", "1000"];
     let figures = bench(&folder, &all);
     assert_eq!(figures["format"], 1);
@@ -34,7 +36,7 @@ fn every_part_gives_its_figures() {
 
 #[test]
 fn twelve_million_bricks_open_within_50_ms_and_20_mb() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let figures = bench(&folder, &["--part", "open", "--repeats", "3"]);
     let open = &figures["open"];
     assert!(open["bricks"].as_u64().unwrap() >= 12_000_000);

@@ -1,5 +1,7 @@
 //! One contract for every `BrickSource`, and what the faulty ones do on purpose.
 
+mod folder;
+mod random;
 mod support;
 
 use std::collections::HashMap;
@@ -15,7 +17,9 @@ use ashfall::volume::{
     BrickId, ChannelVoxels, Levels, Size3, ValueRange, VolumeVoxels, VoxelFormat, Voxels,
     WorldFromVoxel,
 };
-use support::{Folder, Random, Volume, settings, voxels};
+use folder::Folder;
+use random::Random;
+use support::{Volume, settings, voxels};
 
 /// A ramp that is 0 in the lower half of x: bounds are exact and cost nothing.
 struct Ramp {
@@ -209,7 +213,7 @@ fn stores(folder: &Folder) -> Vec<Store> {
         if format == VoxelFormat::F32 {
             volume.absent_slices = (0..14).collect();
         }
-        let path = folder.join(&format!("{format}.bricks"));
+        let path = folder.path(&format!("{format}.bricks"));
         let payload = settings(Size3::new(8, 8, 5), 64, 2, Compression::Lz4);
         volume.import(&path, &payload).unwrap();
         stores.push(Store::open(&path).unwrap());
@@ -219,7 +223,7 @@ fn stores(folder: &Folder) -> Vec<Store> {
 
 #[test]
 fn stores_keep_the_contract() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     for store in stores(&folder) {
         check_contract(&store);
     }

@@ -4,6 +4,7 @@
 //! Long runs: `cargo test --test cache -- --include-ignored`. A failure names seed and round.
 
 mod common;
+mod random;
 mod truth;
 
 #[path = "cache/brick_scene.rs"]

@@ -2,6 +2,7 @@
 
 mod binary;
 mod common;
+mod folder;
 
 use std::ffi::OsStr;
 use std::fs::File;
@@ -10,7 +11,8 @@ use std::process::{Command, Output, Stdio};
 
 use ashfall::cli::{read_exr, write_picture};
 use ashfall::render::Picture;
-use binary::{Folder, Run, ashfall};
+use binary::{Run, ashfall};
+use folder::Folder;
 use serde_json::Value;
 
 const COMMANDS: [&str; 7] = ["render", "plan", "compare", "reference", "devices", "study", "bench"];

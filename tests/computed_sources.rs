@@ -1,11 +1,12 @@
 //! Computed volumes: values known in closed form, boxes, bounds.
 
+mod random;
 mod truth;
 
 use ashfall::error::Exit;
 use ashfall::source::{Computed, KINDS, computed};
 use ashfall::volume::{Size3, ValueRange, VoxelFormat, Voxels, WorldFromVoxel};
-use truth::Random;
+use random::Random;
 
 fn of(kind: &str, size: [u32; 3]) -> Computed {
     computed(kind, Size3::from_array(size)).expect("a known kind")

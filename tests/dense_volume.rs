@@ -1,6 +1,8 @@
 //! A volume in memory against a store of the same voxels: every brick, entry and description, to the
 //! last bit.
 
+mod folder;
+mod random;
 mod support;
 
 use std::sync::Arc;
@@ -11,8 +13,10 @@ use ashfall::store::{Compression, Store};
 use ashfall::volume::{
     BrickId, ChannelVoxels, Size3, VolumeVoxels, VoxelFormat, Voxels, WorldFromVoxel,
 };
+use folder::Folder;
+use random::Random;
 use rayon::prelude::*;
-use support::{Folder, Random, Volume, settings, voxels};
+use support::{Volume, settings, voxels};
 
 fn in_memory(volume: &Volume) -> Arc<VolumeVoxels> {
     let channel =
@@ -25,7 +29,7 @@ fn in_memory(volume: &Volume) -> Arc<VolumeVoxels> {
 }
 
 fn imported(volume: &Volume, payload: Size3, folder: &Folder) -> Store {
-    let path = folder.join("t.bricks");
+    let path = folder.path("t.bricks");
     volume.import(&path, &settings(payload, 64, 2, Compression::Lz4)).unwrap();
     Store::open(&path).unwrap()
 }
@@ -44,7 +48,7 @@ fn bits(entry: BrickEntry) -> (u8, [u32; 3]) {
 }
 
 fn compare(volume: &Volume, payload: Size3) {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let store = imported(volume, payload, &folder);
     let dense = DenseVolume::new("test", in_memory(volume), payload);
     let what = format!("{} of {} in {payload}", volume.size, volume.format());

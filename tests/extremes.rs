@@ -1,5 +1,6 @@
 //! The reference on hostile input: finite, in range and in bounded time, whatever the numbers.
 
+mod random;
 mod truth;
 
 use std::time::{Duration, Instant};
@@ -8,7 +9,8 @@ use ashfall::reference::Truth;
 use ashfall::scene::{Projection, TransferFunction, View, Volume};
 use ashfall::volume::{VolumeVoxels, Voxels};
 use glam::DVec3;
-use truth::{Random, channel, rows, transfer, volume, voxels};
+use random::Random;
+use truth::{channel, rows, transfer, volume, voxels};
 
 fn pick<T: Copy>(random: &mut Random, from: &[T]) -> T {
     from[(random.unit() * from.len() as f64) as usize]

@@ -1,6 +1,8 @@
 //! Other people's formats give the voxels and transforms that other people's readers give.
 
 mod common;
+mod folder;
+mod random;
 
 #[path = "formats/arrays.rs"]
 mod arrays;

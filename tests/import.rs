@@ -1,5 +1,7 @@
 //! Import: voxels come back bit for bit, levels are f64 means, aprons are the neighbours' voxels.
 
+mod folder;
+mod random;
 mod support;
 
 use std::path::Path;
@@ -9,8 +11,10 @@ use ashfall::import::{Header, Input, Run, Settings, Summary, import_from};
 use ashfall::source::{BrickEntry, BrickSource};
 use ashfall::store::{Compression, Store, verify};
 use ashfall::volume::{BrickId, Levels, Size3, ValueRange, VoxelFormat, Voxels, WorldFromVoxel};
+use folder::Folder;
 use proptest::prelude::*;
-use support::{Folder, Random, Volume, default_settings, naive_means, settings, voxels};
+use random::Random;
+use support::{Volume, default_settings, naive_means, settings, voxels};
 
 /// Puts a level together out of payloads.
 fn level_of(store: &Store, channel: u16, level: u8) -> Voxels {
@@ -179,8 +183,8 @@ fn check_bricks(store: &Store, channel: u16, level: u8, whole: &Voxels) {
 }
 
 fn import_and_check(volume: &Volume, settings: &Settings) {
-    let folder = Folder::new();
-    let path = folder.join("t.bricks");
+    let folder = Folder::in_memory();
+    let path = folder.path("t.bricks");
     let summary = volume.import(&path, settings).unwrap();
     assert_eq!(folder.names(), ["t.bricks"]);
     let store = Store::open(&path).unwrap();
@@ -208,8 +212,8 @@ fn volume_strategy() -> impl Strategy<Value = (Volume, Settings)> {
         let format = VoxelFormat::ALL[format];
         let channels =
             (0..channels).map(|_| voxels(format, size, &mut random, flags & 1 == 1)).collect();
-        let absent_slices = if random.chance(4) {
-            (0..size.z).filter(|_| random.chance(5)).collect()
+        let absent_slices = if random.once_in(4) {
+            (0..size.z).filter(|_| random.once_in(5)).collect()
         } else {
             Vec::new()
         };
@@ -217,7 +221,7 @@ fn volume_strategy() -> impl Strategy<Value = (Volume, Settings)> {
         let volume = Volume { size, spacing, channels, absent_slices, seed, shuffled };
         // A budget of 256 KiB sends many slices to disk.
         let ram_mib = if flags & 4 == 4 { 1 } else { 1024 };
-        let compression = if random.chance(3) { Compression::None } else { Compression::Lz4 };
+        let compression = if random.once_in(3) { Compression::None } else { Compression::Lz4 };
         (volume, settings(payload, ram_mib, jobs, compression))
     })
 }
@@ -255,11 +259,11 @@ fn the_bytes_do_not_depend_on_jobs_memory_or_the_order_of_runs() {
     let size = Size3::new(70, 45, 90);
     let voxels = voxels(VoxelFormat::I16, size, &mut random, false);
     let mut volume = Volume::of(size, [1.0; 3], voxels);
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let mut made = Vec::new();
     for (jobs, ram_mib, seed) in [(1, 1024, 1), (3, 1024, 1), (2, 1, 2), (2, 1024, 9)] {
         volume.seed = seed;
-        let path = folder.join("t.bricks");
+        let path = folder.path("t.bricks");
         volume.import(&path, &settings(Size3::cube(16), ram_mib, jobs, Compression::Lz4)).unwrap();
         made.push(std::fs::read(&path).unwrap());
     }
@@ -276,8 +280,8 @@ fn what_is_not_a_number_is_counted() {
     values[3] = f32::INFINITY;
     let mut volume = Volume::of(size, [1.0; 3], Voxels::F32(values));
     volume.absent_slices = vec![2];
-    let folder = Folder::new();
-    let summary = volume.import(&folder.join("t.bricks"), &default_settings()).unwrap();
+    let folder = Folder::in_memory();
+    let summary = volume.import(&folder.path("t.bricks"), &default_settings()).unwrap();
     let channel = &summary.description.channels[0];
     assert_eq!(channel.nan_voxels, 1);
     assert_eq!(channel.infinite_voxels, 3);
@@ -290,8 +294,8 @@ fn absent_integers_become_f32_and_wholly_absent_bricks_are_known() {
     let size = Size3::new(8, 8, 40);
     let mut volume = Volume::of(size, [1.0; 3], Voxels::U16(vec![7; 8 * 8 * 40]));
     volume.absent_slices = (10..40).collect();
-    let folder = Folder::new();
-    let path = folder.join("t.bricks");
+    let folder = Folder::in_memory();
+    let path = folder.path("t.bricks");
     let payload = settings(Size3::cube(8), 64, 1, Compression::Lz4);
     let summary = volume.import(&path, &payload).unwrap();
     assert_eq!(summary.description.channels[0].format, VoxelFormat::F32);
@@ -340,8 +344,8 @@ fn import_one_run(voxels: &Voxels, absent_voxels: u64, target: &Path) -> Result<
 
 #[test]
 fn an_input_that_ends_early_is_refused() {
-    let folder = Folder::new();
-    let path = folder.join("t.bricks");
+    let folder = Folder::in_memory();
+    let path = folder.path("t.bricks");
     let why = import_one_run(&Voxels::U8(vec![1; 80]), 0, &path).unwrap_err();
     assert_eq!(why.exit, Exit::Input);
     assert!(why.message.contains("16 of 96 voxels"), "{}", why.message);
@@ -350,11 +354,11 @@ fn an_input_that_ends_early_is_refused() {
 
 #[test]
 fn absent_voxels_that_come_as_nan_are_not_counted_twice() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let mut values = vec![2.0f32; 80];
     values[..20].fill(f32::NAN);
     // Of the 20 NaN, 8 stand for voxels that the file does not have; 16 more never come.
-    let path = folder.join("t.bricks");
+    let path = folder.path("t.bricks");
     let summary = import_one_run(&Voxels::F32(values), 24, &path).unwrap();
     let channel = &summary.description.channels[0];
     assert_eq!((channel.nan_voxels, channel.absent_voxels), (12, 24));
@@ -362,8 +366,8 @@ fn absent_voxels_that_come_as_nan_are_not_counted_twice() {
 
 #[test]
 fn a_run_outside_the_volume_is_a_sentence() {
-    let folder = Folder::new();
-    let why = import_one_run(&Voxels::U8(vec![1; 112]), 0, &folder.join("t.bricks")).unwrap_err();
+    let folder = Folder::in_memory();
+    let why = import_one_run(&Voxels::U8(vec![1; 112]), 0, &folder.path("t.bricks")).unwrap_err();
     assert!(why.message.contains("outside the volume"), "{}", why.message);
     assert!(folder.names().is_empty());
 }

@@ -1,5 +1,7 @@
 //! The built program on bad days: killed, interrupted, no room, no permission, no input.
 
+mod folder;
+mod random;
 mod support;
 
 use std::fs::File;
@@ -9,7 +11,8 @@ use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use ashfall::store::{Store, verify};
-use support::{Folder, Random};
+use folder::Folder;
+use random::Random;
 
 fn ashfall(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_ashfall"));
@@ -19,7 +22,7 @@ fn ashfall(arguments: &[&str]) -> Command {
 
 /// A raw u8 file of edge^3 noisy voxels.
 fn raw_file(folder: &Folder, edge: usize) -> PathBuf {
-    let path = folder.join("noise.raw");
+    let path = folder.path("noise.raw");
     let mut random = Random(4);
     let bytes: Vec<u8> =
         (0..edge * edge * edge).map(|i| (i / 4096) as u8 ^ (random.next() & 3) as u8).collect();
@@ -55,10 +58,10 @@ fn is_whole(path: &Path) -> bool {
 #[test]
 fn a_killed_import_leaves_no_store_or_a_whole_one() {
     let kills = if std::env::var_os("ASHFALL_LONG").is_some() { 200 } else { 20 };
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let edge = 160;
     let input = raw_file(&folder, edge);
-    let output = folder.join("out.bricks");
+    let output = folder.path("out.bricks");
     let start = Instant::now();
     assert!(import(&input, &output, edge).status().unwrap().success());
     let whole_us = start.elapsed().as_micros() as u64;
@@ -94,10 +97,10 @@ fn a_killed_import_leaves_no_store_or_a_whole_one() {
 
 #[test]
 fn an_interrupted_import_leaves_nothing() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let edge = 320;
     let input = raw_file(&folder, edge);
-    let output = folder.join("out.bricks");
+    let output = folder.path("out.bricks");
     for signal in ["-INT", "-TERM"] {
         let mut child = import(&input, &output, edge).spawn().unwrap();
         while folder.names().len() < 2 {
@@ -114,8 +117,8 @@ fn an_interrupted_import_leaves_nothing() {
 
 #[test]
 fn a_full_disk_is_a_sentence_and_leaves_nothing() {
-    let folder = Folder::new();
-    let small = folder.join("small");
+    let folder = Folder::in_memory();
+    let small = folder.path("small");
     std::fs::create_dir(&small).unwrap();
     let mount = Command::new("mount")
         .args(["-t", "tmpfs", "-o", "size=1m", "tmpfs"])
@@ -150,11 +153,11 @@ fn a_full_disk_is_a_sentence_and_leaves_nothing() {
 
 #[test]
 fn places_that_cannot_be_written_are_a_sentence() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let input = raw_file(&folder, 8);
-    let missing = folder.join("no/such/folder/out.bricks");
+    let missing = folder.path("no/such/folder/out.bricks");
     // procfs takes no file, not even from root, who may write wherever permissions forbid it.
-    for output in [missing, PathBuf::from("/proc/out.bricks"), folder.0.clone()] {
+    for output in [missing, PathBuf::from("/proc/out.bricks"), folder.as_ref().to_owned()] {
         let done = import(&input, &output, 8).output().unwrap();
         assert_eq!(done.status.code(), Some(4), "{}", text(&done));
         let text = text(&done);
@@ -165,9 +168,9 @@ fn places_that_cannot_be_written_are_a_sentence() {
 
 #[test]
 fn inputs_that_cannot_be_read_are_a_sentence() {
-    let folder = Folder::new();
-    let output = folder.join("out.bricks");
-    let done = import(&folder.join("none.raw"), &output, 8).output().unwrap();
+    let folder = Folder::in_memory();
+    let output = folder.path("out.bricks");
+    let done = import(&folder.path("none.raw"), &output, 8).output().unwrap();
     assert_eq!(done.status.code(), Some(3), "{}", text(&done));
     let input = raw_file(&folder, 8);
     let done = import(&input, &output, 9).output().unwrap();
@@ -183,9 +186,9 @@ fn json(output: &Output) -> serde_json::Value {
 
 #[test]
 fn verify_names_the_brick_and_ends_with_6() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let input = raw_file(&folder, 40);
-    let output = folder.join("out.bricks");
+    let output = folder.path("out.bricks");
     let path = output.to_str().unwrap();
     let done = import(&input, &output, 40).args(["--brick", "16", "--json"]).output().unwrap();
     assert!(done.status.success());
@@ -214,9 +217,9 @@ fn verify_names_the_brick_and_ends_with_6() {
 
 #[test]
 fn info_tells_of_stores_and_of_other_files() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let input = raw_file(&folder, 40);
-    let output = folder.join("out.bricks");
+    let output = folder.path("out.bricks");
     assert!(import(&input, &output, 40).args(["--spacing", "1,2,3"]).status().unwrap().success());
     let done = ashfall(&["info", output.to_str().unwrap(), "--json"]).output().unwrap();
     let info = json(&done);

@@ -1,6 +1,8 @@
 //! Every file that a reader opens comes back from a store, voxel for voxel, with its transform; a store
 //! is itself such a file.
 
+mod folder;
+mod random;
 mod support;
 mod truth;
 
@@ -10,7 +12,9 @@ use ashfall::import::{Options, import, open, read_whole};
 use ashfall::source::BrickSource;
 use ashfall::store::{Compression, Store};
 use ashfall::volume::{Size3, VolumeVoxels, Voxels};
-use support::{Folder, Random, Volume, default_settings, settings, voxels};
+use folder::Folder;
+use random::Random;
+use support::{Volume, default_settings, settings, voxels};
 
 /// All channels of any readable file.
 fn whole(path: &Path) -> VolumeVoxels {
@@ -55,7 +59,7 @@ fn files(folder: &Path, found: &mut Vec<PathBuf>) {
 #[test]
 fn files_of_every_format_come_back_from_their_stores() {
     let Some(shared) = truth::shared() else { return };
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let mut found = Vec::new();
     files(&shared.join("data/volumes"), &mut found);
     let mut imported = 0;
@@ -64,7 +68,7 @@ fn files_of_every_format_come_back_from_their_stores() {
         if open(&path, &Options::default()).is_err() {
             continue;
         }
-        let store = folder.join("file.bricks");
+        let store = folder.path("file.bricks");
         let mut quiet = |_, _| {};
         import(&path, &Options::default(), &store, &default_settings(), &mut quiet).unwrap();
         assert_same(&whole(&store), &whole(&path), &path);
@@ -77,13 +81,13 @@ fn files_of_every_format_come_back_from_their_stores() {
 
 #[test]
 fn a_store_is_an_input_like_any_other() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let size = Size3::new(50, 41, 37);
     for format in ashfall::volume::VoxelFormat::ALL {
         let mut volume =
             Volume::of(size, [1.0, 2.0, 0.5], voxels(format, size, &mut Random(9), true));
         volume.channels.push(voxels(format, size, &mut Random(10), true));
-        let [first, second] = ["a.bricks", "b.bricks"].map(|name| folder.join(name));
+        let [first, second] = ["a.bricks", "b.bricks"].map(|name| folder.path(name));
         volume.import(&first, &settings(Size3::cube(8), 64, 2, Compression::Lz4)).unwrap();
         // Into other bricks, which asks for slices in another order than they come.
         let other = settings(Size3::new(5, 16, 3), 64, 2, Compression::None);
@@ -101,9 +105,9 @@ fn a_store_is_an_input_like_any_other() {
 
 #[test]
 fn the_path_of_a_damaged_store_is_named_once() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let size = Size3::cube(4);
-    let path = folder.join("a.bricks");
+    let path = folder.path("a.bricks");
     let volume = Volume::of(size, [1.0; 3], Voxels::U8(vec![3; 64]));
     volume.import(&path, &default_settings()).unwrap();
     let bytes = std::fs::read(&path).unwrap();

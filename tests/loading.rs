@@ -8,6 +8,7 @@ mod faults;
 mod model;
 #[path = "loading/order.rs"]
 mod order;
+mod random;
 #[path = "loading/shutdown.rs"]
 mod shutdown;
 #[path = "loading/sources.rs"]

@@ -5,6 +5,8 @@
 
 mod binary;
 mod common;
+mod folder;
+mod random;
 
 #[path = "long_paging/chance.rs"]
 mod chance;

@@ -5,6 +5,7 @@
 
 mod binary;
 mod common;
+mod folder;
 
 #[path = "paging/epochs.rs"]
 mod epochs;

@@ -1,11 +1,14 @@
 //! A hundred thousand mutated scene files: a scene that holds what it promises, or one sentence; never
 //! a panic.
 
+mod random;
+
 use std::collections::HashSet;
 use std::panic::catch_unwind;
 use std::path::Path;
 
 use ashfall::scene::{Overrides, Projection, Scene, Source};
+use random::Random;
 
 const MUTANTS: u64 = 100_000;
 
@@ -153,32 +156,11 @@ const WORDS: [&str; 22] = [
     "# ",
 ];
 
-/// splitmix64: the same mutants in every run.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    fn below(&mut self, end: usize) -> usize {
-        (self.next() % end.max(1) as u64) as usize
-    }
-
-    fn of<'a>(&mut self, choices: &[&'a str]) -> &'a str {
-        choices[self.below(choices.len())]
-    }
-}
-
 fn mutant(seed: u64) -> String {
     let mut random = Random(seed);
-    let mut text = random.of(&SEEDS).to_owned();
-    for _ in 0..[1, 1, 2, 4][random.below(4)] {
-        text = match random.below(10) {
+    let mut text = random.one(&SEEDS).to_owned();
+    for _ in 0..[1, 1, 2, 4][random.index(4)] {
+        text = match random.index(10) {
             0 => with_other_bytes(text, &mut random),
             1 | 2 => with_other_parts(&lines(&text), &mut random),
             3 | 4 => with_other_parts(&tokens(&text), &mut random),
@@ -192,16 +174,16 @@ fn mutant(seed: u64) -> String {
 
 fn with_other_bytes(text: String, random: &mut Random) -> String {
     let mut bytes = text.into_bytes();
-    for _ in 0..1 + random.below(4) {
-        let at = random.below(bytes.len());
-        match random.below(4) {
+    for _ in 0..1 + random.index(4) {
+        let at = random.index(bytes.len());
+        match random.index(4) {
             0 if !bytes.is_empty() => bytes[at] = random.next() as u8,
             1 if !bytes.is_empty() => drop(bytes.remove(at)),
             2 => bytes.truncate(at),
             // Deep nesting must not overflow the stack.
             _ => {
-                let many = if random.below(8) == 0 { random.below(20_000) } else { 1 };
-                let byte = b"[{\"'=,.\n\\#\r\t"[random.below(12)];
+                let many = if random.index(8) == 0 { random.index(20_000) } else { 1 };
+                let byte = b"[{\"'=,.\n\\#\r\t"[random.index(12)];
                 bytes.splice(at..at, std::iter::repeat_n(byte, many));
             }
         }
@@ -229,8 +211,8 @@ fn tokens(text: &str) -> Vec<&str> {
 
 fn with_other_parts(parts: &[&str], random: &mut Random) -> String {
     let mut parts = parts.to_vec();
-    let (a, b) = (random.below(parts.len()), random.below(parts.len()));
-    match random.below(4) {
+    let (a, b) = (random.index(parts.len()), random.index(parts.len()));
+    match random.index(4) {
         _ if parts.is_empty() => {}
         0 => drop(parts.remove(a)),
         1 => parts.insert(b, parts[a]),
@@ -247,15 +229,15 @@ fn with_another_number(text: &str, random: &mut Random) -> String {
     if numbers.is_empty() {
         return text.to_owned();
     }
-    tokens[numbers[random.below(numbers.len())]] = random.of(&NUMBERS);
+    tokens[numbers[random.index(numbers.len())]] = random.one(&NUMBERS);
     tokens.concat()
 }
 
 fn with_a_word(text: &str, random: &mut Random) -> String {
     let mut tokens = tokens(text);
-    let at = random.below(tokens.len());
-    let word = random.of(&WORDS);
-    if random.below(2) == 0 || tokens.is_empty() {
+    let at = random.index(tokens.len());
+    let word = random.one(&WORDS);
+    if random.index(2) == 0 || tokens.is_empty() {
         tokens.insert(at, word);
     } else {
         tokens[at] = word;
@@ -264,19 +246,19 @@ fn with_a_word(text: &str, random: &mut Random) -> String {
 }
 
 fn spliced(text: &str, random: &mut Random) -> String {
-    let other = lines(random.of(&SEEDS));
+    let other = lines(random.one(&SEEDS));
     let own = lines(text);
-    let (head, tail) = (random.below(own.len() + 1), random.below(other.len() + 1));
+    let (head, tail) = (random.index(own.len() + 1), random.index(other.len() + 1));
     own[..head].concat() + &other[tail..].concat()
 }
 
 /// Flags that win over the scene, good and bad, for one mutant in eight.
 fn flags(seed: u64) -> Overrides {
     let mut random = Random(!seed);
-    if random.below(8) > 0 {
+    if random.index(8) > 0 {
         return Overrides::default();
     }
-    let mut number = || random.of(&NUMBERS).parse::<f64>().ok();
+    let mut number = || random.one(&NUMBERS).parse::<f64>().ok();
     Overrides {
         step: number(),
         early_stop: number(),

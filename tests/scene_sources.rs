@@ -2,6 +2,8 @@
 //! something must be whole and may not.
 
 mod binary;
+mod folder;
+mod random;
 mod support;
 
 use std::path::Path;
@@ -13,7 +15,9 @@ use ashfall::scene::Overrides;
 use ashfall::store::Compression;
 use ashfall::volume::{BrickId, Size3, VoxelFormat, Voxels};
 use binary::ashfall;
-use support::{Folder, Random, Volume, settings, voxels};
+use folder::Folder;
+use random::Random;
+use support::{Volume, settings, voxels};
 
 const SIZE: Size3 = Size3::new(70, 37, 45);
 
@@ -33,7 +37,7 @@ fn scene(source: &str, channels: &[u32], more: &str) -> String {
 }
 
 fn load(folder: &Folder, text: &str, overrides: &Overrides) -> ashfall::error::Result<SceneData> {
-    let path = folder.join("scene.toml");
+    let path = folder.path("scene.toml");
     std::fs::write(&path, text).unwrap();
     load_scene(&path, overrides)
 }
@@ -53,7 +57,7 @@ fn volume_of(format: VoxelFormat, channels: usize) -> Volume {
 
 fn store(folder: &Folder, volume: &Volume) {
     let settings = settings(Size3::new(16, 9, 12), 64, 2, Compression::Lz4);
-    volume.import(&folder.join("v.bricks"), &settings).unwrap();
+    volume.import(&folder.path("v.bricks"), &settings).unwrap();
 }
 
 fn bytes(voxels: &Voxels) -> &[u8] {
@@ -62,7 +66,7 @@ fn bytes(voxels: &Voxels) -> &[u8] {
 
 #[test]
 fn a_store_is_opened_and_its_shown_channels_gathered() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let volume = volume_of(VoxelFormat::U16, 3);
     store(&folder, &volume);
     let data = opened(&folder, &scene("\"v.bricks\"", &[2, 0], ""));
@@ -79,9 +83,9 @@ fn a_store_is_opened_and_its_shown_channels_gathered() {
 
 #[test]
 fn a_brick_that_is_damaged_is_met_when_it_is_read() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     store(&folder, &volume_of(VoxelFormat::U8, 1));
-    let path = folder.join("v.bricks");
+    let path = folder.path("v.bricks");
     let mut bytes = std::fs::read(&path).unwrap();
     // Every brick in the first part of the file; what opening reads lies before and behind.
     let bricks = ashfall::store::layout::header::BYTES..bytes.len() / 2;
@@ -96,10 +100,10 @@ fn a_brick_that_is_damaged_is_met_when_it_is_read() {
 
 #[test]
 fn what_the_scene_says_of_the_place_wins() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let volume = volume_of(VoxelFormat::U8, 1);
     store(&folder, &volume);
-    std::fs::write(folder.join("v.raw"), volume.channels[0].bytes()).unwrap();
+    std::fs::write(folder.path("v.raw"), volume.channels[0].bytes()).unwrap();
     let raw = "raw = { size = [70, 37, 45], type = \"u8\" }\nspacing = [3.0, 1.0, 1.0]";
     let computed = "{ computed = \"shells\", size = [70, 37, 45] }";
     let cases = [
@@ -124,7 +128,7 @@ fn what_the_scene_says_of_the_place_wins() {
 
 #[test]
 fn a_computed_volume_of_any_size_opens_and_gives_bricks() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let huge = "{ computed = \"mandelbulb\", size = [1048576, 1048576, 1048576] }";
     let data = opened(&folder, &scene(huge, &[0], ""));
     let source = &data.volumes[0].source;
@@ -144,24 +148,24 @@ fn a_computed_volume_of_any_size_opens_and_gives_bricks() {
 
 #[test]
 fn a_file_is_read_once_and_whole() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let volume = volume_of(VoxelFormat::I16, 1);
-    std::fs::write(folder.join("v.raw"), volume.channels[0].bytes()).unwrap();
+    std::fs::write(folder.path("v.raw"), volume.channels[0].bytes()).unwrap();
     let raw = "raw = { size = [70, 37, 45], type = \"i16\" }";
     let data = opened(&folder, &scene("\"v.raw\"", &[0], raw));
-    std::fs::remove_file(folder.join("v.raw")).unwrap();
+    std::fs::remove_file(folder.path("v.raw")).unwrap();
     assert!(bytes(&data.whole(0).unwrap().channels[0].voxels) == bytes(&volume.channels[0]));
     assert!(data.volumes[0].source.description().levels.count() > 1);
 }
 
 #[test]
 fn what_must_be_whole_and_may_not_says_what_to_do() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let size = Size3::new(128, 128, 100);
     let mut random = Random(5);
     let volume = Volume::of(size, [1.0; 3], voxels(VoxelFormat::U8, size, &mut random, false));
     store(&folder, &volume);
-    std::fs::write(folder.join("v.raw"), volume.channels[0].bytes()).unwrap();
+    std::fs::write(folder.path("v.raw"), volume.channels[0].bytes()).unwrap();
     let text = scene("\"v.bricks\"", &[0], "");
     let data = opened(&folder, &text);
     let refused = data.check_memory().unwrap_err();
@@ -182,15 +186,15 @@ fn what_must_be_whole_and_may_not_says_what_to_do() {
 /// The direct way is refused before a device is looked for, of a scene and of a bare file.
 #[test]
 fn commands_refuse_in_one_sentence() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let size = Size3::new(128, 128, 100);
     let volume = Volume::of(size, [1.0; 3], Voxels::U8(vec![7; size.len().unwrap()]));
     store(&folder, &volume);
-    std::fs::write(folder.join("scene.toml"), scene("\"v.bricks\"", &[0], "")).unwrap();
-    let output = folder.join("x.exr");
+    std::fs::write(folder.path("scene.toml"), scene("\"v.bricks\"", &[0], "")).unwrap();
+    let output = folder.path("x.exr");
     for command in ["render", "plan", "reference"] {
         for (file, place) in [("scene.toml", "scene.toml:6:10"), ("v.bricks", "\"v.bricks\"")] {
-            let path = folder.join(file);
+            let path = folder.path(file);
             let mut arguments =
                 vec![command.as_ref(), path.as_os_str(), "--ram-mib".as_ref(), "1".as_ref()];
             // In pages they would be drawn.

@@ -1,13 +1,15 @@
 //! The reference against a quadrature that knows no cells and no crossings, and against itself in
 //! moved, turned, mirrored and permuted worlds.
 
+mod random;
 mod truth;
 
 use ashfall::reference::{Settings, Truth, render};
 use ashfall::scene::{Projection, RayFrame, View, Volume};
 use ashfall::volume::{VolumeVoxels, Voxels, WorldFromVoxel};
 use glam::{DAffine3, DMat3, DVec3};
-use truth::{Random, channel, rows, transfer, volume, voxels};
+use random::Random;
+use truth::{channel, rows, transfer, volume, voxels};
 
 /// Optical depth and premultiplied colour of a part of a ray.
 type Part = [f64; 4];

@@ -3,6 +3,7 @@
 
 #[path = "second_truth/integral.rs"]
 mod integral;
+mod random;
 mod truth;
 
 use std::cell::RefCell;
@@ -13,7 +14,8 @@ use ashfall::reference::Truth;
 use ashfall::scene::{Overrides, Projection, TransferFunction, View, Volume};
 use ashfall::volume::{VolumeVoxels, Voxels};
 use glam::DVec3;
-use truth::{Random, channel, rows, transfer, volume, voxels};
+use random::Random;
+use truth::{channel, rows, transfer, volume, voxels};
 
 const CLOSE: f64 = 1e-10;
 /// Of rays: they are few among so many pixels that no two are alike.

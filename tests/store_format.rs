@@ -1,5 +1,7 @@
 //! The store's bytes: the page that draws them, golden files, cut files, flipped bits, mutations.
 
+mod folder;
+mod random;
 mod support;
 
 use std::path::Path;
@@ -9,7 +11,9 @@ use ashfall::source::BrickSource;
 use ashfall::store::layout::{self, Field};
 use ashfall::store::{Compression, Store, verify};
 use ashfall::volume::{Size3, VoxelFormat};
-use support::{Folder, Random, Volume, settings, voxels};
+use folder::Folder;
+use random::Random;
+use support::{Volume, settings, voxels};
 
 /// Offset, name and bytes of every field of a drawing.
 type Drawing = Vec<(usize, String, usize)>;
@@ -111,10 +115,10 @@ fn golden_volumes() -> Vec<(String, Volume, ashfall::import::Settings)> {
 /// which is right only together with a new version.
 #[test]
 fn golden_stores_are_made_byte_by_byte() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
     for (name, volume, settings) in golden_volumes() {
-        let path = folder.join(&name);
+        let path = folder.path(&name);
         volume.import(&path, &settings).unwrap();
         let made = std::fs::read(&path).unwrap();
         if std::env::var_os("ASHFALL_WRITE_GOLDEN").is_some() {
@@ -132,7 +136,7 @@ fn small_store(folder: &Folder) -> Vec<u8> {
     let size = Size3::new(9, 5, 4);
     let mut volume = Volume::of(size, [1.0; 3], voxels(VoxelFormat::F32, size, &mut random, false));
     volume.absent_slices = vec![3];
-    let path = folder.join("small.bricks");
+    let path = folder.path("small.bricks");
     volume.import(&path, &settings(Size3::new(4, 4, 2), 64, 1, Compression::Lz4)).unwrap();
     std::fs::read(&path).unwrap()
 }
@@ -161,9 +165,9 @@ fn look(path: &Path) -> Found {
 
 #[test]
 fn every_cut_is_refused() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let whole = small_store(&folder);
-    let path = folder.join("cut.bricks");
+    let path = folder.path("cut.bricks");
     for len in 0..whole.len() {
         std::fs::write(&path, &whole[..len]).unwrap();
         assert!(matches!(look(&path), Found::Refused), "cut to {len} bytes");
@@ -176,12 +180,12 @@ fn every_cut_is_refused() {
 
 #[test]
 fn every_flipped_bit_is_refused_or_named() {
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let whole = small_store(&folder);
-    let store = Store::open(&folder.join("small.bricks")).unwrap();
+    let store = Store::open(&folder.path("small.bricks")).unwrap();
     let index_place = layout::header::INDEX_PLACE.u64(&whole) as usize;
     let description_place = layout::header::DESCRIPTION_PLACE.u64(&whole) as usize;
-    let path = folder.join("flipped.bricks");
+    let path = folder.path("flipped.bricks");
     let mut named = 0;
     for bit in 0..whole.len() * 8 {
         let mut bytes = whole.clone();
@@ -210,10 +214,10 @@ fn every_flipped_bit_is_refused_or_named() {
 #[test]
 fn an_index_page_in_another_s_place_is_named() {
     use layout::{PAGE_BYTES, PAGE_ENTRIES, header};
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let size = Size3::new(16, 16, 2);
     let volume = Volume::of(size, [1.0; 3], voxels(VoxelFormat::U8, size, &mut Random(1), false));
-    let path = folder.join("pages.bricks");
+    let path = folder.path("pages.bricks");
     volume.import(&path, &settings(Size3::cube(1), 64, 1, Compression::Lz4)).unwrap();
     let mut bytes = std::fs::read(&path).unwrap();
     let index = header::INDEX_PLACE.u64(&bytes) as usize;
@@ -258,14 +262,14 @@ fn with_checksums(bytes: &mut [u8]) {
 #[test]
 fn a_range_that_is_not_the_voxels_is_named() {
     use layout::{entry, header, page};
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let mut bytes = small_store(&folder);
     let first = header::INDEX_PLACE.u64(&bytes) as usize + page::BYTES;
     let range = &mut bytes[first..first + entry::BYTES];
     let wider = entry::GREATEST.f32(range) + 1.0;
     entry::GREATEST.set(range, &wider.to_le_bytes());
     with_checksums(&mut bytes);
-    let path = folder.join("range.bricks");
+    let path = folder.path("range.bricks");
     std::fs::write(&path, &bytes).unwrap();
     let report = verify(&path, &|_, _| {}).unwrap();
     assert_eq!(report.damaged_bricks, 1);
@@ -276,9 +280,9 @@ fn a_range_that_is_not_the_voxels_is_named() {
 #[test]
 fn mutated_stores_are_read_or_refused() {
     let rounds = if std::env::var_os("ASHFALL_LONG").is_some() { 1_000_000 } else { 6_000 };
-    let folder = Folder::new();
+    let folder = Folder::in_memory();
     let whole = small_store(&folder);
-    let path = folder.join("mutated.bricks");
+    let path = folder.path("mutated.bricks");
     let mut random = Random(77);
     let interesting = [0u64, 1, 0x7F, 0x80, 0xFF, u64::MAX, i64::MAX as u64, 1 << 60, 1 << 32];
     let (mut opened, mut refused) = (0, 0);

@@ -3,6 +3,7 @@
 
 mod binary;
 mod common;
+mod folder;
 mod truth;
 
 use std::path::Path;
@@ -15,8 +16,9 @@ use ashfall::scene::{Integrator, Overrides, Quality};
 use ashfall::study::error_metrics::picture_error;
 use ashfall::study::stability::integrators;
 use ashfall::study::sweep::{Axes, Axis, Setting, settings};
-use binary::{Folder, Run, ashfall};
+use binary::{Run, ashfall};
 use common::drawing::{Device, dense, scene_data};
+use folder::Folder;
 use serde_json::Value;
 
 /// A smooth bump, seen so that neighbouring rays cross cells differently. Its values are trilinear within

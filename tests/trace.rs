@@ -2,6 +2,7 @@
 
 #[path = "trace/file.rs"]
 mod file;
+mod folder;
 
 mod binary;
 mod common;
@@ -11,9 +12,10 @@ use ashfall::render::paging::{CopyPath, PagingSettings};
 use ashfall::render::{Addressing, Picture, Renderer, SceneData, Settings, Statistics};
 use ashfall::scene::Overrides;
 use ashfall::trace::TraceOptions;
-use binary::{Folder, ashfall};
+use binary::ashfall;
 use common::drawing::{Device, computed_scene};
 use file::{Read, of, parse, read};
+use folder::Folder;
 
 fn scene() -> SceneData {
     let overrides = Overrides { size: Some([48, 40]), level_max: Some(0), ..Overrides::default() };

@@ -4,6 +4,7 @@
 //! place of equal bits.
 
 mod common;
+mod random;
 mod truth;
 
 #[path = "twins/attenuation.rs"]

@@ -1,5 +1,6 @@
 //! The simulation of two queues: right schedules have no fault, and every planted fault is named.
 
+mod random;
 mod truth;
 
 #[path = "two_queues/schedules.rs"]
@@ -7,11 +8,11 @@ mod schedules;
 
 use ashfall::gpu::two_queues::{Fault, check};
 use ashfall::gpu::{Access, HostEvent, Record, SlotEvent};
+use random::Random;
 use schedules::{
     HALVES, RENDER, TRANSFER, after, copy, frame, plant, point, schedule, step, submit, with_slots,
     wrote,
 };
-use truth::Random;
 
 /// Two frames and two flushes; slot 5 goes the whole way twice.
 fn right() -> Vec<Record> {

@@ -1,10 +1,9 @@
-//! The built binary as users meet it: run, with what it said; and folders that go away again.
+//! The built binary as users meet it: run, with what it said.
 
 // Each test file uses its own part of this.
 #![allow(dead_code)]
 
 use std::ffi::OsStr;
-use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 /// How a run ended.
@@ -47,41 +46,4 @@ pub fn ashfall_within<S: AsRef<OsStr>>(kib: u64, arguments: impl IntoIterator<It
     shell.arg("-c").arg(format!("ulimit -v {kib}; exec \"$0\" \"$@\""));
     shell.arg(env!("CARGO_BIN_EXE_ashfall")).args(arguments);
     Run::of(shell.output().expect("the binary runs"))
-}
-
-/// An empty folder, removed when dropped.
-pub struct Folder(PathBuf);
-
-impl Folder {
-    /// `name` keeps the tests of one process apart.
-    pub fn new(name: &str) -> Folder {
-        let path = std::env::temp_dir().join(format!("ashfall-{name}-{}", std::process::id()));
-        let _ = std::fs::remove_dir_all(&path);
-        std::fs::create_dir_all(&path).expect("a folder for the test");
-        Folder(path)
-    }
-
-    /// The path of a file in it.
-    pub fn path(&self, name: &str) -> PathBuf {
-        self.0.join(name)
-    }
-
-    /// Writes a file into it.
-    pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
-        let path = self.path(name);
-        std::fs::write(&path, bytes).expect("the test's file is written");
-        path
-    }
-}
-
-impl AsRef<Path> for Folder {
-    fn as_ref(&self) -> &Path {
-        &self.0
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
 }

@@ -13,7 +13,7 @@ use ashfall::twins::transfer::TransferSegment;
 use ashfall::volume::{Levels, Size3};
 
 use crate::common::device::Device;
-use crate::truth::Random;
+use crate::random::Random;
 use crate::world::{Brick, Plan, World, below, chance, draw};
 
 /// What a scene is made of, and what its shader can do.

@@ -11,7 +11,7 @@ use ashfall::twins::limits::{
 use ashfall::twins::publish::Update;
 use ashfall::twins::ranks::rank_of_place;
 
-use crate::truth::Random;
+use crate::random::Random;
 use crate::world::{View, World, below, chance, draw, pick};
 
 /// A granted slot that waits for its brick.

@@ -28,7 +28,7 @@ use crate::brick_scene::{BrickScene, Spec};
 use crate::common::device::{Device, device};
 use crate::faults::{Fault, all_noticed};
 use crate::on_device::{buffers, compare, read, write};
-use crate::truth::Random;
+use crate::random::Random;
 use crate::view_levels::{crossing, depths_between, inner_view, level_views, ray_of_pixel};
 use crate::views::placed;
 use crate::world::{below, chance, pick};

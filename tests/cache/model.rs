@@ -9,7 +9,7 @@ use ashfall::twins::publish::{Update, publish};
 
 use crate::host::Host;
 use crate::invariants::{Before, holds};
-use crate::truth::Random;
+use crate::random::Random;
 use crate::twin_round::{self, Seen};
 use crate::world::{Plan, View, World, chance};
 

@@ -3,7 +3,7 @@
 use ashfall::twins::ranks::{brick_of_place, level_of_place, place_of_brick, rank_of_place};
 use ashfall::volume::{Levels, Size3};
 
-use crate::truth::Random;
+use crate::random::Random;
 use crate::view_levels::{crossing, depths_between, inner_view, level_views, ray_of_pixel};
 use crate::views::placed;
 use crate::world::{below, pick};

@@ -8,7 +8,7 @@ use crate::host::Host;
 use crate::invariants::{Before, holds};
 use crate::model::PLANS;
 use crate::on_device::{CacheOnDevice, compare};
-use crate::truth::Random;
+use crate::random::Random;
 use crate::twin_round::{self, Seen};
 use crate::world::{Plan, World, chance};
 

@@ -7,7 +7,7 @@ use ashfall::twins::ray_setup::ViewRays;
 use ashfall::volume::Levels;
 use glam::DVec3;
 
-use crate::truth::Random;
+use crate::random::Random;
 use crate::views::{Placed, unit_vector};
 
 /// Levels from `finest` on, each up to the next of `depths` (ray parameters, ascending, starting at

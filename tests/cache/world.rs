@@ -1,10 +1,10 @@
 //! Grids of bricks, atlases that share the cache's buffers, and views that rank bricks.
 
+use crate::random::Random;
+pub use crate::views::pick;
 use ashfall::twins::cache::{Cache, CacheRound, Ranking};
 use ashfall::twins::limits::{ENTRY_UNMAPPED, OWNER_FREE, RANK_NONE, WEIGHT_RANKS};
 use ashfall::twins::ranks::LevelView;
-
-use crate::truth::Random;
 
 /// What a world is made of.
 #[derive(Clone, Copy, Debug)]
@@ -164,10 +164,6 @@ impl World {
 /// A number less than `end`.
 pub fn below(random: &mut Random, end: u32) -> u32 {
     (random.unit() * f64::from(end)) as u32
-}
-
-pub fn pick<T: Copy>(random: &mut Random, from: &[T]) -> T {
-    from[below(random, from.len() as u32) as usize]
 }
 
 pub fn chance(random: &mut Random, of: f64) -> bool {

@@ -7,6 +7,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use ashfall::import::{Options, RUN_BYTES_MAX, open};
 use ashfall::volume::{RawLayout, Size3, VoxelFormat};
 
+use crate::folder::Folder;
+use crate::random::Random;
 use crate::write::*;
 
 /// Address space that the whole test process may have taken: arenas of its threads included.
@@ -128,69 +130,53 @@ fn options(name: &str) -> Options {
     Options { raw: name.starts_with("raw").then_some(raw), ..Options::default() }
 }
 
-/// xorshift64*, so that a failure can be made again from its number.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
-    }
-
-    fn below(&mut self, end: usize) -> usize {
-        (self.next() % end as u64) as usize
-    }
-}
-
 /// A few changes: bytes, words with meaning, cuts, insertions, digits in text.
 fn mutated(seed: &[u8], random: &mut Random) -> Vec<u8> {
     let mut bytes = seed.to_vec();
-    for _ in 0..1 + random.below(4) {
+    for _ in 0..1 + random.index(4) {
         if bytes.is_empty() {
             break;
         }
         // Headers are at the front, mostly.
-        let front = if random.below(3) > 0 { bytes.len().min(400) } else { bytes.len() };
-        let at = random.below(front);
-        match random.below(9) {
-            0 => bytes[at] ^= 1 << random.below(8),
+        let front = if random.index(3) > 0 { bytes.len().min(400) } else { bytes.len() };
+        let at = random.index(front);
+        match random.index(9) {
+            0 => bytes[at] ^= 1 << random.index(8),
             1 => bytes[at] = random.next() as u8,
             2 => bytes.truncate(at),
             3 => {
-                let piece = [0u8, 0xff, 0x7f, 0x80][random.below(4)];
-                let end = (at + (1 << random.below(4))).min(bytes.len());
+                let piece = [0u8, 0xff, 0x7f, 0x80][random.index(4)];
+                let end = (at + (1 << random.index(4))).min(bytes.len());
                 bytes[at.min(end)..end].fill(piece);
             }
             4 => {
-                let word = [u64::MAX, 1 << 60, 1 << 31, i64::MAX as u64, 1 << 20][random.below(5)];
+                let word = [u64::MAX, 1 << 60, 1 << 31, i64::MAX as u64, 1 << 20][random.index(5)];
                 let word =
-                    if random.below(2) == 0 { word.to_le_bytes() } else { word.to_be_bytes() };
-                let bytes_used = [2, 4, 8][random.below(3)];
+                    if random.index(2) == 0 { word.to_le_bytes() } else { word.to_be_bytes() };
+                let bytes_used = [2, 4, 8][random.index(3)];
                 let end = (at + bytes_used).min(bytes.len());
                 bytes[at..end].copy_from_slice(&word[..end - at]);
             }
             5 => {
                 let text =
                     ["1152921504606846976", "-1", "0", "nan", "1e300", "99999999999999999999", " "];
-                let text = text[random.below(text.len())].bytes();
+                let text = text[random.index(text.len())].bytes();
                 // In place of a digit, where there is one.
                 let digit =
                     (at..bytes.len()).find(|index| bytes[*index].is_ascii_digit()).unwrap_or(at);
                 bytes.splice(digit..digit + 1, text);
             }
             6 => {
-                let other = random.below(bytes.len());
+                let other = random.index(bytes.len());
                 bytes.swap(at, other);
             }
             7 => {
-                let end = at + random.below((bytes.len() - at).min(64));
+                let end = at + random.index((bytes.len() - at).min(64));
                 let piece = bytes[at..end].to_vec();
                 bytes.splice(at..at, piece);
             }
             _ => {
-                let end = at + random.below((bytes.len() - at).min(64));
+                let end = at + random.index((bytes.len() - at).min(64));
                 bytes.drain(at..end);
             }
         }
@@ -199,7 +185,7 @@ fn mutated(seed: &[u8], random: &mut Random) -> Vec<u8> {
 }
 
 /// Reads a file to its end or its error; whether it was good, or a panic's number of bytes.
-fn exercise(scratch: &Scratch, name: &str, bytes: &[u8]) -> Result<bool, String> {
+fn exercise(scratch: &Folder, name: &str, bytes: &[u8]) -> Result<bool, String> {
     let path = scratch.write(name, bytes);
     let read = || -> Result<bool, String> {
         let mut input = match open(&path, &options(name)) {
@@ -232,7 +218,7 @@ fn exercise(scratch: &Scratch, name: &str, bytes: &[u8]) -> Result<bool, String>
 fn mutated_files_are_refused_or_read() {
     let count = std::env::var("ASHFALL_MUTATIONS").ok().and_then(|count| count.parse().ok());
     let count: u64 = count.unwrap_or(1500);
-    let scratch = Scratch::new();
+    let scratch = Folder::new("formats");
     for (index, (name, seed)) in seeds().iter().enumerate() {
         assert_eq!(exercise(&scratch, name, seed), Ok(true), "{name} itself");
         let (mut good, mut bad) = (0, 0);
@@ -264,7 +250,7 @@ fn mutated_files_are_refused_or_read() {
 
 #[test]
 fn every_truncation_is_refused() {
-    let scratch = Scratch::new();
+    let scratch = Folder::new("formats");
     for (name, seed) in seeds() {
         // A SEG-Y file may end with any trace, an archive's and VTK's last bytes hold no voxels.
         let ends: Vec<usize> = match name {
@@ -389,8 +375,8 @@ fn memory_does_not_grow_with_the_file() {
     let options = Options { raw: Some(raw), ..Options::default() };
     let zeros = vec![0; 2048 * 1024];
     let slice = zstd::stream::encode_all(&zeros[..], 3).unwrap();
-    let scratch = Scratch::new();
-    let path = scratch.write("a.raw.zst", &slice.repeat(1536));
+    let scratch = Folder::new("formats");
+    let path = scratch.write("a.raw.zst", slice.repeat(1536));
     let mut input = open(&path, &options).unwrap();
     let mut voxels = 0;
     while let Some(run) = input.next_run().unwrap() {

@@ -6,6 +6,7 @@ use ashfall::import::{Options, open};
 use ashfall::volume::{VoxelFormat, Voxels};
 use tiff::encoder::{Compression, DeflateLevel, Predictor, TiffEncoder, colortype};
 
+use crate::folder::Folder;
 use crate::write::*;
 
 /// One page of a slice: i16, rows in strips of three (of four) rows, or tiles of 16 x 16.
@@ -351,10 +352,10 @@ fn tiff_refusals() {
 
 #[test]
 fn a_failed_page_ends_the_input() {
-    let scratch = Scratch::new();
+    let scratch = Folder::new("formats");
     let mut pages: Vec<_> = (0..3).map(|z| page(z, 0, &LITTLE, 8, zlib)).collect();
     pages[1].1[0] = vec![0x78, 0x9c, 0xff, 0xff];
-    let path = scratch.write("a.tif", &LITTLE.write(&pages));
+    let path = scratch.write("a.tif", LITTLE.write(&pages));
     let mut input = open(&path, &Options::default()).unwrap();
     assert!(input.next_run().is_ok());
     assert!(

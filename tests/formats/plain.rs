@@ -3,6 +3,7 @@
 use ashfall::import::{Options, open};
 use ashfall::volume::{RawLayout, VoxelFormat, Voxels};
 
+use crate::folder::Folder;
 use crate::write::*;
 
 fn raw(format: VoxelFormat, big_endian: bool) -> Options {
@@ -130,10 +131,9 @@ fn nrrd_of_both_byte_orders_attached_and_detached() {
             let (_, whole) = read("a.nrrd", &file, &Options::default()).unwrap();
             assert_values(&whole.channels[0].voxels, 0, 0);
         }
-        let scratch = Scratch::new();
+        let scratch = Folder::new("formats");
         scratch.write("voxels.bin", &bytes);
-        let header =
-            scratch.write("a.nhdr", &nrrd(&format!("{fields}datafile: voxels.bin\n"), &[]));
+        let header = scratch.write("a.nhdr", nrrd(&format!("{fields}datafile: voxels.bin\n"), &[]));
         assert_values(&whole(&header, &Options::default()).unwrap().1.channels[0].voxels, 0, 0);
     }
 }
@@ -280,7 +280,7 @@ fn nifti_qform_spacing_and_pairs() {
 
     header.bytes[344..348].copy_from_slice(b"ni1\0");
     header.put(108, &0f32.to_le_bytes());
-    let scratch = Scratch::new();
+    let scratch = Folder::new("formats");
     let path = scratch.write("a.hdr", &header.bytes[..348]);
     assert!(
         whole(&path, &Options::default()).unwrap_err().message.contains("a.img, which is missing")
@@ -352,10 +352,10 @@ fn metaimage_byte_orders_channels_and_turns() {
             let want = [[0.0, 0.0, 4.0, 7.0], [2.0, 0.0, 0.0, 8.0], [0.0, 3.0, 0.0, 9.0]];
             assert_close(centre_rows(&header), want);
         }
-        let scratch = Scratch::new();
+        let scratch = Folder::new("formats");
         scratch.write("b.raw", &bytes);
         let path =
-            scratch.write("b.mhd", &metaimage(&format!("{fields}ElementDataFile = b.raw\n"), &[]));
+            scratch.write("b.mhd", metaimage(&format!("{fields}ElementDataFile = b.raw\n"), &[]));
         assert_values(&whole(&path, &Options::default()).unwrap().1.channels[1].voxels, 1, 0);
     }
 }

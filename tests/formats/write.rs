@@ -1,9 +1,9 @@
 //! Writers of small files, one for each format, written from the formats' own words.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::path::Path;
 
+use crate::folder::Folder;
 use ashfall::error::Error;
 use ashfall::import::{Header, Options, open, read_whole};
 use ashfall::volume::{Size3, VolumeVoxels, Voxels};
@@ -12,32 +12,6 @@ use flate2::write::{GzEncoder, ZlibEncoder};
 
 /// The size of all small volumes: no two axes alike.
 pub const SIZE: Size3 = Size3::new(5, 4, 3);
-
-/// A folder of one test's files, removed in the end.
-pub struct Scratch(PathBuf);
-
-impl Scratch {
-    pub fn new() -> Scratch {
-        static COUNT: AtomicU32 = AtomicU32::new(0);
-        let count = COUNT.fetch_add(1, Ordering::Relaxed);
-        let folder = format!("ashfall-formats-{}-{count}", std::process::id());
-        let path = std::env::temp_dir().join(folder);
-        std::fs::create_dir_all(&path).unwrap();
-        Scratch(path)
-    }
-
-    pub fn write(&self, name: &str, bytes: &[u8]) -> PathBuf {
-        let path = self.0.join(name);
-        std::fs::write(&path, bytes).unwrap();
-        path
-    }
-}
-
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
 
 /// Opens a file and collects all its channels.
 pub fn whole(path: &Path, options: &Options) -> Result<(Header, VolumeVoxels), Error> {
@@ -50,7 +24,7 @@ pub fn whole(path: &Path, options: &Options) -> Result<(Header, VolumeVoxels), E
 
 /// As [`whole`], of a file with these bytes.
 pub fn read(name: &str, bytes: &[u8], options: &Options) -> Result<(Header, VolumeVoxels), Error> {
-    let scratch = Scratch::new();
+    let scratch = Folder::new("formats");
     whole(&scratch.write(name, bytes), options)
 }
 

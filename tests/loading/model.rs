@@ -10,24 +10,13 @@ use ashfall::loading::{Block, Delivery, Loading, LoadingLimits, Wish};
 use ashfall::source::{BrickEntry, BrickSource, Computed, Description, FieldSource};
 use ashfall::volume::{BrickId, ValueRange};
 
+use crate::random::Random;
 use crate::sources::*;
 
 const OPERATIONS: u32 = 10_000;
 const WISHES_MAX: usize = 24;
 const CACHED_MAX: usize = 20;
 const RAM_BYTES: u64 = CACHED_MAX as u64 * BRICK_BYTES + 1;
-
-/// Numbers that are the same everywhere.
-struct XorShift(u64);
-
-impl XorShift {
-    fn below(&mut self, end: u64) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0 % end
-    }
-}
 
 /// Bytes that tell brick and version; reads fail, panic or come short now and then. Sees whether one
 /// brick is read twice at once.
@@ -36,7 +25,7 @@ struct Flaky {
     version: AtomicU64,
     reads: AtomicU64,
     bytes: AtomicU64,
-    chance: Mutex<XorShift>,
+    chance: Mutex<Random>,
     open: Mutex<HashSet<BrickId>>,
     twice: AtomicBool,
 }
@@ -48,7 +37,7 @@ impl Flaky {
             version: AtomicU64::new(0),
             reads: AtomicU64::new(0),
             bytes: AtomicU64::new(0),
-            chance: Mutex::new(XorShift(seed)),
+            chance: Mutex::new(Random(seed)),
             open: Mutex::new(HashSet::new()),
             twice: AtomicBool::new(false),
         })
@@ -169,7 +158,7 @@ impl Model {
     }
 }
 
-fn some_brick(random: &mut XorShift) -> BrickId {
+fn some_brick(random: &mut Random) -> BrickId {
     let volume = random.below(2) as u16;
     match random.below(40) {
         0 => BrickId { volume, level: 2, ..brick(0) },
@@ -179,7 +168,7 @@ fn some_brick(random: &mut XorShift) -> BrickId {
 }
 
 fn run(seed: u64, loaders: usize, attempts: u32) {
-    let random = &mut XorShift(seed);
+    let random = &mut Random(seed);
     let sources = [Flaky::new(seed + 1), Flaky::new(seed + 2)];
     let limits = LoadingLimits {
         ram_bytes: RAM_BYTES,

@@ -1,16 +1,19 @@
-//! Random choices that a seed repeats.
+//! Random choices of whole numbers.
 
-/// SplitMix64.
-pub struct Chance(pub u64);
+use crate::random::Random;
+
+/// See the module.
+pub struct Chance(Random);
 
 impl Chance {
+    /// What a seed repeats.
+    pub fn new(seed: u64) -> Chance {
+        Chance(Random(seed))
+    }
+
     /// From 0 to below `count`.
     pub fn below(&mut self, count: usize) -> usize {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut bits = self.0;
-        bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((bits ^ (bits >> 31)) % count as u64) as usize
+        self.0.index(count)
     }
 
     /// From one to another, both possible.
@@ -20,7 +23,7 @@ impl Chance {
 
     /// One of these.
     pub fn one<T: Copy>(&mut self, of: &[T]) -> T {
-        of[self.below(of.len())]
+        self.0.one(of)
     }
 
     /// Once in `count` times.

@@ -1,9 +1,9 @@
 //! A volume of 64 GiB that is nowhere: its bricks are computed when they are asked for.
 
 use crate::alone;
-use crate::binary::Folder;
 use crate::common::drawing::Device;
 use crate::drawn::Drawn;
+use crate::folder::Folder;
 
 const SCENE: &str = r#"format = 1
 [picture]

@@ -6,9 +6,11 @@ use std::path::Path;
 use std::process::Command;
 
 use crate::alone;
-use crate::binary::{Folder, ashfall};
+use crate::binary::ashfall;
 use crate::common::drawing::Device;
 use crate::drawn::Drawn;
+use crate::folder::Folder;
+use crate::random::Random;
 
 /// u16: 4.39e9 bytes.
 const EDGE: usize = 1300;
@@ -63,14 +65,11 @@ fn write_raw(path: &Path) {
     let along = |waves| (0..EDGE).map(|at| hill(at, waves)).collect::<Vec<u16>>();
     let [xs, ys, zs] = [2.0, 3.0, 1.5].map(along);
     let mut slice = vec![0u16; EDGE * EDGE];
-    let mut noise = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut noise = Random(1);
     for z in zs {
         for (y, row) in ys.iter().zip(slice.chunks_exact_mut(EDGE)) {
             for (x, voxel) in xs.iter().zip(row) {
-                noise ^= noise << 13;
-                noise ^= noise >> 7;
-                noise ^= noise << 17;
-                *voxel = x + y + z + (noise >> 52) as u16;
+                *voxel = x + y + z + (noise.next() >> 52) as u16;
             }
         }
         let bytes: &[u8] = bytemuck::cast_slice(&slice);

@@ -62,7 +62,7 @@ fn stretch(
     counts: &mut Counts,
 ) {
     let say = |what: String| steps.send(format!("seed {seed}, {what}")).expect("watched");
-    let mut chance = Chance(seed);
+    let mut chance = Chance::new(seed);
     let chance = &mut chance;
     let worlds: Vec<World> = (0..WORLDS).map(|_| World::random(chance)).collect();
     let first = |world: &World| {

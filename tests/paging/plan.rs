@@ -7,9 +7,10 @@ use ashfall::render::{Addressing, Plan, Renderer, SceneData, Settings};
 use ashfall::scene::{Overrides, Refine};
 use ashfall::volume::VoxelFormat;
 
-use crate::binary::{Folder, ashfall};
+use crate::binary::ashfall;
 use crate::common::created::assert_as_planned;
 use crate::common::drawing::Device;
+use crate::folder::Folder;
 use crate::worlds::{
     Look, at_level_0, bricks, bytes_volume, channel, finished, hill, other_hill, paged, scene,
     scene_of_whole, slots, volume,

@@ -9,9 +9,10 @@ use ashfall::render::{Settings, Unfinished};
 use ashfall::source::faulty::{Fault, Stalling};
 use ashfall::volume::{BrickId, VoxelFormat};
 
-use crate::binary::{Folder, ashfall};
+use crate::binary::ashfall;
 use crate::common::drawing::Device;
 use crate::faults::{faulty, outside};
+use crate::folder::Folder;
 use crate::worlds::{assert_same, bytes_volume, channel, covered, finished, hill, paged, slots};
 
 /// Only a failure takes so long.

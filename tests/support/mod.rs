@@ -1,66 +1,13 @@
 //! Volumes, inputs and truths that the store's tests share.
 #![allow(dead_code)]
 
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::path::Path;
 
+use crate::random::Random;
 use ashfall::error::Result;
 use ashfall::import::{Header, Input, Run, Settings, Summary, import_from};
 use ashfall::store::Compression;
 use ashfall::volume::{Level, Size3, VoxelFormat, Voxels, WorldFromVoxel};
-
-/// A small generator of numbers that are the same everywhere (splitmix64).
-#[derive(Clone)]
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    pub fn below(&mut self, end: u64) -> u64 {
-        self.next() % end
-    }
-
-    pub fn chance(&mut self, of: u64) -> bool {
-        self.below(of) == 0
-    }
-}
-
-/// A folder of its own for one test, removed at the end.
-pub struct Folder(pub PathBuf);
-
-impl Folder {
-    pub fn new() -> Folder {
-        static COUNT: AtomicU64 = AtomicU64::new(0);
-        let count = COUNT.fetch_add(1, Ordering::Relaxed);
-        let name = format!("ashfall-test-{}-{count}", std::process::id());
-        // In memory where that is possible: tests write tens of thousands of small files.
-        let memory = PathBuf::from("/dev/shm");
-        let parent = if memory.is_dir() { memory } else { std::env::temp_dir() };
-        let path = parent.join(name);
-        std::fs::create_dir_all(&path).unwrap();
-        Folder(path)
-    }
-
-    pub fn join(&self, name: &str) -> PathBuf {
-        self.0.join(name)
-    }
-
-    pub fn names(&self) -> Vec<String> {
-        let entries = std::fs::read_dir(&self.0).unwrap();
-        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
 
 /// A volume in memory and how it is given away.
 #[derive(Clone, Debug)]
@@ -125,7 +72,7 @@ impl Volume {
             }
             let absent_next = self.absent_slices.iter().copied().filter(|&absent| absent > z).min();
             let end = absent_next.unwrap_or(self.size.z);
-            if random.chance(2) {
+            if random.once_in(2) {
                 let slices = (1 + random.below(7) as u32).min(end - z);
                 boxes.push(([0, 0, z], Size3::new(self.size.x, self.size.y, slices)));
                 z += slices;
@@ -135,7 +82,7 @@ impl Volume {
             while y < self.size.y {
                 let rows = (1 + random.below(9) as u32).min(self.size.y - y);
                 let split =
-                    if random.chance(3) { random.below(u64::from(self.size.x)) as u32 } else { 0 };
+                    if random.once_in(3) { random.below(u64::from(self.size.x)) as u32 } else { 0 };
                 if split > 0 {
                     boxes.push(([0, y, z], Size3::new(split, rows, 1)));
                 }
@@ -145,7 +92,7 @@ impl Volume {
             z += 1;
         }
         let channels = 0..self.channels.len() as u32;
-        let mut order: Vec<(u32, ([u32; 3], Size3))> = if random.chance(2) {
+        let mut order: Vec<(u32, ([u32; 3], Size3))> = if random.once_in(2) {
             channels.flat_map(|c| boxes.iter().map(move |&b| (c, b))).collect()
         } else {
             boxes.iter().flat_map(|&b| channels.clone().map(move |c| (c, b))).collect()
@@ -234,10 +181,10 @@ pub fn default_settings() -> Settings {
 /// Smooth with some noise, some plateaus; f32 with some of everything that is not finite.
 pub fn voxels(format: VoxelFormat, size: Size3, random: &mut Random, wild: bool) -> Voxels {
     let count = size.len().unwrap();
-    let flat = random.chance(4);
+    let flat = random.once_in(4);
     let mut value = 0u64;
     let mut next = |random: &mut Random| {
-        if !flat && random.chance(3) {
+        if !flat && random.once_in(3) {
             value = random.next();
         }
         value

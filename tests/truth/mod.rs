@@ -48,25 +48,6 @@ pub fn channel(voxels: Voxels) -> ChannelVoxels {
     ChannelVoxels { voxels, slope: 1.0, intercept: 0.0 }
 }
 
-/// A deterministic stream of numbers from 0 to 1 (splitmix64).
-pub struct Random(pub u64);
-
-impl Random {
-    /// The next number.
-    pub fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// The next number between two.
-    pub fn between(&mut self, least: f64, most: f64) -> f64 {
-        least + (most - least) * self.unit()
-    }
-}
-
 /// A transfer function of (at, colour, extinction) points.
 pub fn transfer(points: &[(f64, [f64; 3], f64)]) -> TransferFunction {
     let point = |&(at, color, extinction)| TransferPoint { at, color, extinction };

@@ -7,8 +7,8 @@ use ashfall::twins::ray::{RayGeometry, RayState};
 use ashfall::twins::transfer::TransferSegment;
 
 use crate::common::device::{Device, device};
+use crate::random::Random;
 use crate::scene::{Kind, Medium, TAME, marched};
-use crate::truth::Random;
 
 /// Optical depths from denormal to beyond opaque.
 fn depths() -> Vec<f32> {

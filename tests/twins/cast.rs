@@ -9,9 +9,9 @@ use ashfall::twins::ray_march::Settings;
 use ashfall::twins::ray_setup::ViewRays;
 
 use crate::common::device::{Device, device};
+use crate::random::Random;
 use crate::scene::{Kind, Medium, OnDevice, TAME, cast_pipeline};
 use crate::texels::Conversion;
-use crate::truth::Random;
 use crate::views::placed;
 
 const PICTURE: [u32; 2] = [40, 30];

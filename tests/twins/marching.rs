@@ -8,9 +8,9 @@ use ashfall::twins::ray::{RayGeometry, RayState};
 use ashfall::twins::ray_march::{MacrocellCodes, Settings};
 
 use crate::common::device::{Device, device};
+use crate::random::Random;
 use crate::scene::{Kind, Medium, Powers, TAME, WILD, blocks_of, inner_rays, marched};
 use crate::texels::Conversion;
-use crate::truth::Random;
 
 const SIZE: [u32; 3] = [11, 6, 9];
 const RAYS: usize = 256;

@@ -6,8 +6,8 @@ use ashfall::twins::filter::Texels;
 use ashfall::twins::probe::{Push, probe};
 
 use crate::common::device::{Device, device};
+use crate::random::Random;
 use crate::texels::{Conversion, Raw, Texture, sums};
-use crate::truth::Random;
 
 const SIZE: [u32; 3] = [13, 9, 7];
 

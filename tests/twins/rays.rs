@@ -5,7 +5,7 @@ use ashfall::twins::ray::{RayGeometry, RayState};
 use ashfall::twins::rays::Push;
 
 use crate::common::device::{Device, device};
-use crate::truth::Random;
+use crate::random::Random;
 use crate::views::{pick, placed};
 
 const VIEWS: usize = 3;

@@ -16,8 +16,8 @@ use ashfall::twins::transfer::TransferSegment;
 use ashfall::volume::{Macrocells, Size3};
 
 use crate::common::device::Device;
+use crate::random::Random;
 use crate::texels::{Conversion, Raw, Texture};
-use crate::truth::Random;
 use crate::views::pick;
 
 /// What a voxel may be.

@@ -15,8 +15,8 @@ use glam::DVec3;
 
 use crate::common::device::{Device, device};
 use crate::common::drawing::dense;
+use crate::random::Random;
 use crate::texels::{Conversion, Raw};
-use crate::truth::Random;
 use crate::views::{Placed, unit_vector};
 
 const SIZE: [u32; 3] = [7, 5, 6];

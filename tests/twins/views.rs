@@ -1,11 +1,10 @@
 //! Random volumes and cameras, as the shaders take them.
 
+use crate::random::Random;
 use ashfall::scene::{Projection, View};
 use ashfall::twins::ray_setup::ViewRays;
 use ashfall::volume::WorldFromVoxel;
 use glam::{DMat3, DVec3};
-
-use crate::truth::Random;
 
 pub fn pick<T: Copy>(random: &mut Random, from: &[T]) -> T {
     from[(random.unit() * from.len() as f64) as usize]

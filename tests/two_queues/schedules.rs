@@ -2,11 +2,10 @@
 
 use std::ops::Range;
 
+use crate::random::Random;
 use ashfall::gpu::{
     Access, Barrier, HostEvent, Record, RoleKind, SlotEvent, StepKind, StepRecord, TimePoint,
 };
-
-use crate::truth::Random;
 
 pub const RENDER: RoleKind = RoleKind::Render;
 pub const TRANSFER: RoleKind = RoleKind::Transfer;

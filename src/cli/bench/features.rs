@@ -58,11 +58,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.json {
         return print_json(&table);
     }
-    describe(&table);
-    Ok(())
+    describe(&table)
 }
 
-fn describe(table: &FeatureTable) {
+fn describe(table: &FeatureTable) -> Result<()> {
     let [width, height] = table.size;
     print(format_args!(
         "{} ({})\n{edge} cubed in bricks of {} at {width} x {height}, {} time of a frame, medians of {}, everything resident\n\n{:<24} {:>7} {:>14} {:>8} {:>7} {:>8} {:>7} {:>9} {:>13} {:>10}\n",
@@ -82,7 +81,7 @@ fn describe(table: &FeatureTable) {
         "instructions",
         "KiB",
         edge = table.edge,
-    ));
+    ))?;
     for row in &table.features {
         let time = row.time_ratio;
         line(
@@ -90,20 +89,20 @@ fn describe(table: &FeatureTable) {
             &format!("{:.2}", time.median),
             &format!("{:.2} to {:.2}", time.least, time.most),
             &differences(&table.fullest, &row.without).map(|count| format!("{count:+}")),
-        );
+        )?;
     }
     let ms = table.fullest_ms;
     let all = values(&table.fullest).map(|count| count.to_string());
     let spread = format!("{:.0} to {:.0}", ms.least, ms.most);
-    line("the fullest, ms", &format!("{:.0}", ms.median), &spread, &all);
-    print("\n* and what means nothing without it\n");
+    line("the fullest, ms", &format!("{:.0}", ms.median), &spread, &all)?;
+    print("\n* and what means nothing without it\n")
 }
 
-fn line(what: &str, time: &str, spread: &str, counts: &[String; 7]) {
+fn line(what: &str, time: &str, spread: &str, counts: &[String; 7]) -> Result<()> {
     let [objects, passes, buffers, images, bindings, instructions, kib] = counts;
     print(format_args!(
         "{what:<24} {time:>7} {spread:>14} {objects:>8} {passes:>7} {buffers:>8} {images:>7} {bindings:>9} {instructions:>13} {kib:>10}\n"
-    ));
+    ))
 }
 
 /// In the order of the table's columns; bytes in KiB.

@@ -148,7 +148,7 @@ pub fn run(
     if json {
         print_json(&table)?;
     } else {
-        print(table.text());
+        print(table.text())?;
     }
     if let Some(first) = gpu.messages().first() {
         let message = format!("validation spoke, first: {}", first.text);
