@@ -70,6 +70,55 @@ fn the_page_draws_what_the_code_does() {
     }
 }
 
+/// `NAME = struct.Struct("<...")` of Python: where its items begin, and last where they end.
+fn item_offsets(python: &str, name: &str) -> Vec<usize> {
+    let start = format!("{name} = struct.Struct(\"<");
+    let items = python.split_once(&start).unwrap().1.split('"').next().unwrap();
+    let (mut offsets, mut count) = (vec![0], String::new());
+    for item in items.chars() {
+        if item.is_ascii_digit() {
+            count.push(item);
+            continue;
+        }
+        let number = count.parse().unwrap_or(1);
+        count.clear();
+        // Of a string the count is its bytes.
+        let (times, bytes) = match item {
+            's' => (1, number),
+            'B' => (number, 1),
+            'I' | 'f' => (number, 4),
+            'Q' | 'd' => (number, 8),
+            _ => panic!("{name}: {item}"),
+        };
+        for _ in 0..times {
+            offsets.push(offsets.last().unwrap() + bytes);
+        }
+    }
+    offsets
+}
+
+#[test]
+fn the_comparison_with_vtk_reads_what_the_code_writes() {
+    let python = include_str!("../tools/compare_vtk/store.py");
+    let structures: [(&str, &[Field]); 4] = [
+        ("HEADER", layout::header::FIELDS),
+        ("DESCRIPTION", layout::description::FIELDS),
+        ("CHANNEL", layout::channel::FIELDS),
+        ("ENTRY", layout::entry::FIELDS),
+    ];
+    for (name, fields) in structures {
+        let offsets = item_offsets(python, name);
+        let end = fields.last().map(|field| field.offset + field.bytes);
+        assert_eq!(offsets.last().copied(), end, "{name}");
+        for field in fields {
+            assert!(offsets.contains(&field.offset), "{name}: {} begins elsewhere", field.name);
+        }
+    }
+    let (header, entries) = (layout::page::BYTES, layout::PAGE_ENTRIES);
+    let said = format!("PAGE_HEADER_BYTES, PAGE_ENTRIES = {header}, {entries}\n");
+    assert!(python.contains(&said), "{said}");
+}
+
 #[test]
 fn the_page_states_the_code_s_numbers() {
     let page = include_str!("../docs/FORMAT.md");
