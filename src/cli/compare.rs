@@ -5,17 +5,20 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use crate::cli::error_flags::{coverage_of, coverage_text};
 use crate::cli::output::{print, print_json};
-use crate::cli::picture_file::{check_output, read_exr, write_picture};
+use crate::cli::picture_file::{check_output, read_exr, read_layer, write_picture};
 use crate::error::{Error, Result};
 use crate::render::Picture;
+use crate::study::error_estimate::Coverage;
 use crate::study::error_metrics::{PictureError, picture_error};
 
 /// Say how far one EXR picture is from another, on linear values: PSNR over rgb with peak 1, also over
 /// the pixels that the second picture covers, RMSE and the greatest difference.
 ///
 /// Ends with 0 when the pictures agree and 6 when they do not: they must be equal, or as near as
-/// --psnr and --max-difference ask.
+/// --psnr and --max-difference ask. Of a picture drawn with --error it is said how much of the difference
+/// the estimate covers.
 #[derive(Args)]
 pub struct Arguments {
     /// Picture to judge (.exr).
@@ -47,6 +50,9 @@ struct Report {
     covered_psnr_db: Option<f64>,
     alpha_max: f64,
     not_comparable: usize,
+    /// Where the picture has a layer error.total: how much of the difference it covers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error: Option<Coverage>,
     agree: bool,
 }
 
@@ -79,7 +85,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let wide: Vec<[f64; 4]> = reference.pixels.iter().map(|pixel| pixel.map(f64::from)).collect();
     let error = picture_error(&picture.pixels, &wide);
-    let report = judge(arguments, &error);
+    let estimate = read_layer(&arguments.picture, "error.total")?;
+    let covered = estimate.map(|total| coverage_of(&total, &picture, &reference));
+    let report = judge(arguments, &error, covered);
     if let Some(file) = &arguments.difference {
         write_picture(file, &difference_picture(&picture, &reference))?;
     }
@@ -96,6 +104,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             error.whole.max,
             error.alpha_max
         ))?;
+        if let Some(covered) = &covered {
+            print(format_args!("{}\n", coverage_text(covered)))?;
+        }
     }
     if report.agree {
         return Ok(());
@@ -107,7 +118,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     )))
 }
 
-fn judge(arguments: &Arguments, error: &PictureError) -> Report {
+fn judge(arguments: &Arguments, error: &PictureError, covered: Option<Coverage>) -> Report {
     let max = error.whole.max.max(error.alpha_max);
     let agree = match (arguments.psnr, arguments.max_difference) {
         (None, None) => max == 0.0,
@@ -126,6 +137,7 @@ fn judge(arguments: &Arguments, error: &PictureError) -> Report {
         covered_psnr_db: finite(error.covered.psnr_db),
         alpha_max: error.alpha_max,
         not_comparable: error.whole.not_comparable,
+        error: covered,
         agree,
     }
 }

@@ -13,6 +13,7 @@ mod bench;
 mod compare;
 mod cores;
 mod devices;
+mod error_flags;
 mod import;
 mod info;
 mod interrupt;

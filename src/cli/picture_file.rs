@@ -5,7 +5,8 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use exr::prelude::{
-    Encoding, Image, ReadChannels, ReadLayers, SpecificChannels, Vec2, WritableImage,
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, ReadChannels, ReadLayers, Vec2,
+    WritableImage,
 };
 
 use crate::error::{Error, Result};
@@ -16,6 +17,14 @@ use crate::render::{Picture, srgb_byte};
 /// # Errors
 /// Exit code 2 for another ending, 4 when it cannot be written.
 pub fn write_picture(path: &Path, picture: &Picture) -> Result<()> {
+    write_layers(path, picture, &[])
+}
+
+/// As [`write_picture`], with more channels by name, a value per pixel each; `.png` leaves them out.
+///
+/// # Errors
+/// As [`write_picture`].
+pub fn write_layers(path: &Path, picture: &Picture, layers: &[(String, &[f32])]) -> Result<()> {
     let failed = |why: String| {
         Error::machine(format!(
             "{}: cannot be written: {why}; check folder and disk",
@@ -24,7 +33,7 @@ pub fn write_picture(path: &Path, picture: &Picture) -> Result<()> {
     };
     let bytes = match kind_of(path)? {
         Kind::Png => png_bytes(picture).map_err(failed)?,
-        Kind::Exr => exr_bytes(picture).map_err(failed)?,
+        Kind::Exr => exr_bytes(picture, layers).map_err(failed)?,
     };
     let partial = partial_name(path);
     let written = File::create(&partial).and_then(|file| {
@@ -93,6 +102,26 @@ pub fn read_exr(path: &Path) -> Result<Picture> {
     Ok(image.layer_data.channel_data.pixels)
 }
 
+/// Reads one channel of an EXR file by name, where it has one.
+///
+/// # Errors
+/// As [`read_exr`].
+pub fn read_layer(path: &Path, name: &str) -> Result<Option<Vec<f32>>> {
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .from_file(path)
+        .map_err(|why| {
+            Error::input(format!("{}: cannot be read as an EXR picture: {why}", path.display()))
+        })?;
+    let channels = image.layer_data.channel_data.list;
+    let found = channels.into_iter().find(|channel| channel.name == *name);
+    Ok(found.map(|channel| channel.sample_data.values_as_f32().collect()))
+}
+
 enum Kind {
     Png,
     Exr,
@@ -132,12 +161,18 @@ fn png_bytes(picture: &Picture) -> std::result::Result<Vec<u8>, String> {
     Ok(out)
 }
 
-fn exr_bytes(picture: &Picture) -> std::result::Result<Vec<u8>, String> {
+fn exr_bytes(
+    picture: &Picture,
+    layers: &[(String, &[f32])],
+) -> std::result::Result<Vec<u8>, String> {
     let [width, height] = picture.size.map(|edge| edge as usize);
-    let channels = SpecificChannels::rgba(|Vec2(x, y)| {
-        let [r, g, b, a] = picture.pixels[y * width + x];
-        (r, g, b, a)
-    });
+    let part = |part: usize| picture.pixels.iter().map(|pixel| pixel[part]).collect();
+    let own = ["R", "G", "B", "A"].into_iter().enumerate();
+    let own = own.map(|(at, name)| AnyChannel::new(name, FlatSamples::F32(part(at))));
+    let more = layers
+        .iter()
+        .map(|(name, values)| AnyChannel::new(name.as_str(), FlatSamples::F32(values.to_vec())));
+    let channels = AnyChannels::sort(own.chain(more).collect());
     let image = Image::from_encoded_channels((width, height), Encoding::FAST_LOSSLESS, channels);
     let mut out = std::io::Cursor::new(Vec::new());
     image.write().to_buffered(&mut out).map_err(|why| why.to_string())?;

@@ -52,6 +52,11 @@ impl Progress {
         Progress(bar)
     }
 
+    /// Tells what is done now.
+    pub fn name(&self, what: &str) {
+        self.0.set_message(what.to_owned());
+    }
+
     /// Tells the finished part, 0 to 1.
     pub fn set(&self, part: f64) {
         self.0.set_position((part * STEPS as f64) as u64);

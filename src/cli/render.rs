@@ -1,22 +1,26 @@
 //! `ashfall render`: a scene becomes pictures.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::Args;
 use serde::Serialize;
 
+use crate::cli::error_flags::{ErrorFlags, coverage_by, coverage_text, error_picture};
 use crate::cli::output::{print, print_json, write_json};
-use crate::cli::picture_file::{check_output, write_picture};
+use crate::cli::picture_file::{check_output, write_layers, write_picture};
 use crate::cli::progress::Progress;
 use crate::cli::scene_flags::{DeviceFlags, SceneFlags, WorkFlags, shader_compiler};
 use crate::cli::trace_file::TraceFile;
 use crate::error::{Error, Exit, Result};
-use crate::render::{Addressing, Plan, Renderer, SceneData, Statistics};
+use crate::gpu::{Gpu, ShaderCompiler};
+use crate::render::{Addressing, Plan, Renderer, SceneData, Settings, Statistics};
+use crate::study::error_estimate::{Coverage, Drawing, Drawn, DrawnBy, ErrorEstimate};
 
 /// Draw a scene's views into picture files.
 ///
 /// One file per view: with several views the view's name is put before the ending. PNG is 8 bit sRGB,
-/// EXR holds R, G, B, A as linear f32, premultiplied.
+/// EXR holds R, G, B, A as linear f32, premultiplied; with --error, what each pixel may be off by.
 #[derive(Args)]
 pub struct Arguments {
     #[command(flatten)]
@@ -37,6 +41,8 @@ pub struct Arguments {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    error: ErrorFlags,
+    #[command(flatten)]
     device: DeviceFlags,
     #[command(flatten)]
     work: WorkFlags,
@@ -48,6 +54,17 @@ struct ViewResult {
     files: Vec<PathBuf>,
     #[serde(flatten)]
     statistics: Statistics,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error: Option<ErrorFigures>,
+}
+
+#[derive(Serialize)]
+struct ErrorFigures {
+    #[serde(flatten)]
+    estimate: ErrorEstimate,
+    /// Where a reference is at hand.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    truth: Option<Coverage>,
 }
 
 #[derive(Serialize)]
@@ -60,6 +77,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let settings = arguments.work.settings()?;
     let outputs = outputs(arguments);
     outputs.iter().try_for_each(|output| check_output(output))?;
+    arguments.error.check()?;
     let trace_file = arguments.trace.as_deref().map(TraceFile::create).transpose()?;
     let mut data = arguments.scene.load()?;
     keep_views(&mut data.scene.views, &arguments.view)?;
@@ -68,18 +86,29 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         data.check_memory()?;
     }
     let gpu = arguments.device.open()?;
-    let plan = Plan::new(&gpu, &shader_compiler(), &data, &settings)?;
+    let compiler = shader_compiler();
+    let plan = Plan::new(&gpu, &compiler, &data, &settings)?;
     let scene = &arguments.scene.scene;
     let trace = trace_file.as_ref().map(|file| file.begin(&gpu, scene));
     let mut renderer = Renderer::traced(&gpu, plan, &data, trace.as_ref())?;
-    let drawn = draw_views(arguments, &outputs, &data, &mut renderer);
+    let names = data.scene.views.iter().map(|view| view.name.clone()).collect();
+    let results = Results { views: Vec::new() };
+    let mut written = Written { arguments, outputs: &outputs, names, results };
+    let drawn = written.draw_views(&mut renderer);
     // Of a drawing that failed it is wanted most.
     let traced = match (trace_file, &trace) {
         (Some(file), Some(trace)) => file.write(trace),
         _ => Ok(()),
     };
-    let results = drawn?;
+    let drawn = drawn?;
     traced?;
+    let by = DrawnBy::plan(renderer.plan());
+    drop(renderer);
+    let estimated = match arguments.error.error {
+        true => written.estimate(&gpu, &compiler, settings, (&mut data, &by, drawn)),
+        false => Ok(()),
+    };
+    let results = written.results;
     if let Some(stats) = &arguments.stats {
         write_stats(stats, &results)?;
     }
@@ -96,6 +125,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             ),
         });
     }
+    estimated?;
     match results.views.iter().find_map(incomplete) {
         Some(why) => Err(Error { exit: Exit::Incomplete, message: why }),
         None => Ok(()),
@@ -124,28 +154,88 @@ fn incomplete(view: &ViewResult) -> Option<String> {
     })
 }
 
-/// Draws every view and writes its files.
-fn draw_views(
-    arguments: &Arguments,
-    outputs: &[PathBuf],
-    data: &SceneData,
-    renderer: &mut Renderer,
-) -> Result<Results> {
-    let mut results = Results { views: Vec::new() };
-    let names: Vec<String> = data.scene.views.iter().map(|view| view.name.clone()).collect();
-    for (index, name) in names.iter().enumerate() {
-        let progress = Progress::start(name);
-        let (picture, statistics) = renderer.draw(index, &mut |part| progress.set(part))?;
-        drop(progress);
-        let of_view = |output: &PathBuf| file_of_view(output, name, names.len());
-        let files: Vec<PathBuf> = outputs.iter().map(of_view).collect();
-        files.iter().try_for_each(|file| write_picture(file, &picture))?;
-        if !arguments.json {
-            report(name, &files, &statistics)?;
+/// What becomes of drawn views.
+struct Written<'a> {
+    arguments: &'a Arguments,
+    outputs: &'a [PathBuf],
+    /// Of the views.
+    names: Vec<String>,
+    results: Results,
+}
+
+impl Written<'_> {
+    /// Draws every view; writes it at once, unless its error is still to be estimated.
+    fn draw_views(&mut self, renderer: &mut Renderer) -> Result<Vec<Drawn>> {
+        let mut waiting = Vec::new();
+        for index in 0..self.names.len() {
+            let progress = Progress::start(&self.names[index]);
+            let (picture, statistics) = renderer.draw(index, &mut |part| progress.set(part))?;
+            drop(progress);
+            let drawn = Drawn { picture, statistics };
+            match self.arguments.error.error {
+                true => waiting.push(drawn),
+                false => self.finish(drawn, None)?,
+            }
         }
-        results.views.push(ViewResult { view: name.clone(), files, statistics });
+        Ok(waiting)
     }
-    Ok(results)
+
+    /// Estimates the errors of all views and writes them. Where that cannot be done, what was drawn is
+    /// written without.
+    fn estimate(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        compiler: &ShaderCompiler,
+        settings: Settings,
+        (data, by, drawn): (&mut SceneData, &DrawnBy, Vec<Drawn>),
+    ) -> Result<()> {
+        let progress = Progress::start("error");
+        let mut told = |what: &str, part: f64| {
+            progress.name(&format!("error, by {what}"));
+            progress.set(part);
+        };
+        let mut drawing = Drawing { gpu, compiler, settings, progress: &mut told };
+        let estimated = drawing.estimate(data, by, &drawn);
+        drop(progress);
+        let (estimates, failed) = match estimated {
+            Ok(estimates) => (estimates.into_iter().map(Some).collect(), Ok(())),
+            Err(why) => (vec![None; drawn.len()], Err(why)),
+        };
+        for (drawn, estimate) in drawn.into_iter().zip(estimates) {
+            self.finish(drawn, estimate)?;
+        }
+        failed
+    }
+
+    /// Writes the files of the next view and says what it cost.
+    fn finish(&mut self, drawn: Drawn, estimate: Option<ErrorEstimate>) -> Result<()> {
+        let name = &self.names[self.results.views.len()];
+        let views = self.names.len();
+        let of_view = |output: &PathBuf| file_of_view(output, name, views);
+        let Drawn { picture, statistics } = drawn;
+        let files: Vec<PathBuf> = self.outputs.iter().map(of_view).collect();
+        let layers = estimate.as_ref().map_or(Vec::new(), ErrorEstimate::layers);
+        files.iter().try_for_each(|file| write_layers(file, &picture, &layers))?;
+        drop(layers);
+        let flags = &self.arguments.error;
+        let error = match estimate {
+            None => None,
+            Some(estimate) => {
+                if let Some(file) = flags.error_picture.as_ref().map(of_view) {
+                    write_picture(&file, &error_picture(&estimate.total, picture.size))?;
+                }
+                let reference = flags.reference.as_ref().map(of_view);
+                let truth = reference.map(|file| coverage_by(&file, &estimate, &picture));
+                Some(ErrorFigures { truth: truth.transpose()?, estimate })
+            }
+        };
+        let result = ViewResult { view: name.clone(), files, statistics, error };
+        if !self.arguments.json {
+            report(&result)?;
+        }
+        self.results.views.push(result);
+        Ok(())
+    }
 }
 
 /// Statistics of one view stand alone; of several, in a list.
@@ -156,7 +246,8 @@ fn write_stats(path: &Path, results: &Results) -> Result<()> {
     }
 }
 
-fn report(name: &str, files: &[PathBuf], statistics: &Statistics) -> Result<()> {
+fn report(result: &ViewResult) -> Result<()> {
+    let ViewResult { view: name, files, statistics, error } = result;
     let files: Vec<_> = files.iter().map(|file| file.display().to_string()).collect();
     let passes: Vec<_> =
         statistics.gpu_ms.iter().map(|time| format!("{} {:.1}", time.pass, time.ms)).collect();
@@ -191,7 +282,35 @@ fn report(name: &str, files: &[PathBuf], statistics: &Statistics) -> Result<()> 
             ))?;
         }
     }
+    if let Some(error) = error {
+        report_error(&" ".repeat(name.len()), error)?;
+    }
     Ok(())
+}
+
+fn report_error(indent: &str, error: &ErrorFigures) -> Result<()> {
+    let estimate = &error.estimate;
+    print(format_args!(
+        "{indent}: error at most about {:.1e}, RMS {:.1e}, {:.1} dB; compared with {:.1} million samples more\n",
+        estimate.max,
+        estimate.rms,
+        estimate.psnr_db,
+        estimate.control_samples as f64 * 1e-6,
+    ))?;
+    for part in &estimate.parts {
+        let how = part.how.name();
+        print(format_args!(
+            "{indent}: {} ({how}, {}): greatest {:.1e}, RMS {:.1e}\n",
+            part.name.replace('_', " "),
+            part.from,
+            part.max,
+            part.rms,
+        ))?;
+    }
+    match &error.truth {
+        Some(covered) => print(format_args!("{indent}: {}\n", coverage_text(covered))),
+        None => Ok(()),
+    }
 }
 
 fn outputs(arguments: &Arguments) -> Vec<PathBuf> {

@@ -171,6 +171,7 @@ impl WorkFlags {
             layout: self.layout,
             addressing: self.paging.addressing(),
             level_min: 0,
+            levels_coarser: 0,
             paging: self.paging.settings(),
         };
         settings.checked()

@@ -367,6 +367,11 @@ impl Plan {
         })
     }
 
+    /// The coarsest level that a view may use; 0 where voxels are not in bricks.
+    pub fn coarsest_level(&self, view: usize) -> u8 {
+        self.paging.as_ref().map_or(0, |paging| paging.views[view].in_use[1] as u8)
+    }
+
     /// A buffer of the plan.
     pub(super) fn buffer(&self, name: &str) -> &PlannedBuffer {
         match self.buffers.iter().find(|buffer| buffer.name == name) {

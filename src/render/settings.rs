@@ -20,6 +20,9 @@ pub struct Settings {
     /// Finest level drawn where bricks are paged, whatever a pixel's footprint: for the study, which
     /// takes levels one by one. Above 0 it changes the picture.
     pub level_min: u8,
+    /// Where bricks are paged, levels above 0 are drawn by so many coarser: for estimates of what levels
+    /// cost. Above 0 it changes the picture.
+    pub levels_coarser: u8,
     /// How bricks are paged, where they are.
     pub paging: PagingSettings,
 }
@@ -51,6 +54,7 @@ impl Default for Settings {
             layout: LayoutChoice::Auto,
             addressing: Addressing::Auto,
             level_min: 0,
+            levels_coarser: 0,
             paging: PagingSettings::default(),
         }
     }

@@ -18,7 +18,7 @@ use xxhash_rust::xxh3::Xxh3;
 use crate::error::{Error, Exit, Result};
 use crate::gpu::{Gpu, ShaderCompiler};
 use crate::reference::{self, Truth, VolumeLevel};
-use crate::render::paging::{BrickNumbers, PagingSettings, ViewLevels};
+use crate::render::paging::{BrickNumbers, LevelChoice, PagingSettings, ViewLevels};
 use crate::render::{Addressing, Plan, Renderer, SceneData, Settings, Statistics};
 use crate::scene::Refine;
 use crate::study::figures::Figures;
@@ -167,10 +167,11 @@ pub fn levels_by_footprint(data: &SceneData) -> [u8; 2] {
     let description = data.volumes[0].source.description();
     let Some(numbers) = BrickNumbers::new(description, Vec::new(), 0) else { return [0, 0] };
     let scene = &data.scene;
-    let quality = (scene.quality.step, 0, None);
+    let step = scene.quality.step;
+    let levels = LevelChoice { step, level_min: 0, level_max: None, coarser: 0 };
     let (view, size) = (&scene.views[0], scene.picture.size);
     let world_from_voxel = data.world_from_voxel(0);
-    ViewLevels::new(view, size, description, &world_from_voxel, &numbers, quality)
+    ViewLevels::new(view, size, description, &world_from_voxel, &numbers, levels)
         .in_use
         .map(|level| level as u8)
 }

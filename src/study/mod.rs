@@ -4,6 +4,7 @@
 pub mod bench_scenes;
 pub mod chart;
 pub mod clock;
+pub mod error_estimate;
 pub mod error_metrics;
 pub mod error_time;
 pub mod feature_price;

@@ -182,6 +182,7 @@ pub fn settings(chance: &mut Chance, patience: Duration) -> Settings {
         layout: chance.one(&[LayoutChoice::Auto, LayoutChoice::Only(Layout::Plain)]),
         addressing: Addressing::Paged,
         level_min: 0,
+        levels_coarser: 0,
         paging,
     }
 }

@@ -21,7 +21,7 @@ mod visibility;
 pub use brick_numbers::{BrickNumbers, ChannelPlace};
 pub use brick_texels::write_texels;
 pub use settings::{CopyPath, LoadOrder, PagingSettings};
-pub use view_levels::ViewLevels;
+pub use view_levels::{LevelChoice, ViewLevels};
 
 pub(super) use paged::Paged;
 pub(crate) use paged::StagedBrick;

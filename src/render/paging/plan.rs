@@ -14,7 +14,7 @@ use crate::render::paging::brick_numbers::{BrickNumbers, ChannelPlace};
 use crate::render::paging::host_cache::CONSTANTS_MAX;
 use crate::render::paging::placing::Placing;
 use crate::render::paging::settings::{CopyPath, LoadOrder};
-use crate::render::paging::view_levels::ViewLevels;
+use crate::render::paging::view_levels::{LevelChoice, ViewLevels};
 use crate::render::paging::visibility::Judge;
 use crate::render::scene_data::SceneData;
 use crate::render::settings::Settings;
@@ -108,7 +108,12 @@ impl PagingPlan {
         let stored = atlases.plans.iter().all(|atlas| atlas.layout.spec.stored);
         let copy_path = if stored { CopyPath::Placed } else { CopyPath::Straight };
         let world_from_voxel = data.world_from_voxel(0);
-        let quality = (scene.quality.sample_edges(), settings.level_min, scene.quality.level_max);
+        let levels = LevelChoice {
+            step: scene.quality.sample_edges(),
+            level_min: settings.level_min,
+            level_max: scene.quality.level_max,
+            coarser: settings.levels_coarser,
+        };
         if preintegrated {
             check_spans(&scene.quality, &world_from_voxel)?;
         }
@@ -117,7 +122,7 @@ impl PagingPlan {
             .views
             .iter()
             .map(|view| {
-                ViewLevels::new(view, size, description, &world_from_voxel, &numbers, quality)
+                ViewLevels::new(view, size, description, &world_from_voxel, &numbers, levels)
             })
             .collect();
         let substitute = scene.quality.refine == Refine::Substitute;

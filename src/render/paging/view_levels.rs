@@ -22,21 +22,33 @@ pub struct ViewLevels {
     pub samples_of_ray_max: f64,
 }
 
+/// Which levels a view may use.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LevelChoice {
+    /// Greatest distance of two samples in smallest voxel edges of the level.
+    pub step: f64,
+    /// Finest allowed.
+    pub level_min: u8,
+    /// Coarsest allowed; nothing: the volume's coarsest.
+    pub level_max: Option<u8>,
+    /// By so many levels coarser than this and the pixel's footprint say; level 0 stays itself.
+    pub coarser: u8,
+}
+
 /// Beyond every volume, as a ray parameter.
 const FAR: f64 = 1e300;
 
 impl ViewLevels {
     /// The levels of `description`, placed in the world by `world_from_voxel`, in a picture of `size`
     /// pixels. A level is in use from where its voxels are no larger than a pixel to where the next
-    /// coarser one's are; `level_min` is the finest and `level_max` the coarsest allowed. `step`:
-    /// greatest distance of two samples in smallest voxel edges of the level.
+    /// coarser one's are, as far as `choice` allows.
     pub fn new(
         view: &View,
         size: [u32; 2],
         description: &Description,
         world_from_voxel: &WorldFromVoxel,
         numbers: &BrickNumbers,
-        (step, level_min, level_max): (f64, u8, Option<u8>),
+        choice: LevelChoice,
     ) -> ViewLevels {
         let frame = view.ray_frame_world(size);
         let spacing = world_from_voxel.spacing().to_array();
@@ -45,8 +57,9 @@ impl ViewLevels {
             let scale = all[level].scale;
             (0..3).map(|axis| spacing[axis] * f64::from(scale[axis])).fold(FAR, f64::min)
         };
-        let coarsest = level_max.map_or(all.len() - 1, |most| usize::from(most).min(all.len() - 1));
-        let finest = usize::from(level_min).min(coarsest);
+        let last = all.len() - 1;
+        let coarsest = choice.level_max.map_or(last, |most| usize::from(most).min(last));
+        let finest = usize::from(choice.level_min).min(coarsest);
         let parallel = matches!(view.projection, Projection::Orthographic { .. });
         // Of a pixel, world: where rays are parallel everywhere, else at ray parameter 1.
         let footprint = match parallel {
@@ -69,12 +82,22 @@ impl ViewLevels {
         let nearest = depths.iter().copied().fold(FAR, f64::min);
         let farthest = depths.iter().copied().fold(0.0, f64::max);
         let ends_at = |level: usize| if level == coarsest { FAR } else { begins_at(level + 1) };
-        let met = |level: &usize| {
-            begins_at(*level) < ends_at(*level)
-                && begins_at(*level) <= farthest
-                && ends_at(*level) >= nearest
+        let drawn_as = |level: usize| match level {
+            0 => 0,
+            _ => (level + usize::from(choice.coarser)).min(last),
         };
-        let used: Vec<usize> = (0..=coarsest).filter(met).collect();
+        // Where a level is drawn, in its own place or in that of finer ones.
+        let depth = |drawn: usize| {
+            let levels = (finest..=coarsest).filter(|level| drawn_as(*level) == drawn);
+            let depths = levels.map(|level| [begins_at(level), ends_at(level)]);
+            let met = depths.filter(|[begins, ends]| begins < ends);
+            met.fold([FAR, 0.0], |depth, [begins, ends]| [depth[0].min(begins), depth[1].max(ends)])
+        };
+        let met = |level: &usize| {
+            let [begins, ends] = depth(*level);
+            begins < ends && begins <= farthest && ends >= nearest
+        };
+        let used: Vec<usize> = (0..=last).filter(met).collect();
         let rays = frame.in_voxels(world_from_voxel);
         let mut ranks = 0;
         let levels = (0..all.len()).map(|level| {
@@ -104,9 +127,9 @@ impl ViewLevels {
                     1.0 / scale[0],
                     1.0 / scale[1],
                     1.0 / scale[2],
-                    step * edge(level),
+                    choice.step * edge(level),
                 ],
-                depth: if in_use { [begins_at(level), ends_at(level)] } else { [1.0, 0.0] },
+                depth: if in_use { depth(level) } else { [1.0, 0.0] },
                 halvings: all[level].scale.map(u32::ilog2),
                 held: 0,
                 bricks,
@@ -120,7 +143,7 @@ impl ViewLevels {
         let longest = longest_diagonal_world(extent, world_from_voxel);
         let per_level = used.len().max(1) as f64;
         // A thousandth and one more a level for rounding in the ray's own arithmetic.
-        let finest_step = step * edge(in_use[0] as usize);
+        let finest_step = choice.step * edge(in_use[0] as usize);
         let samples_of_ray_max = (longest / finest_step * 1.001).ceil() + 1.0 + per_level;
         ViewLevels { levels, in_use, ranks: ranks.max(1), samples_of_ray_max }
     }
