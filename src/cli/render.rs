@@ -102,7 +102,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     let drawn = drawn?;
     traced?;
-    let by = DrawnBy::plan(renderer.plan());
+    let by = DrawnBy::plan(renderer.plan(), &data);
     drop(renderer);
     let estimated = match arguments.error.error {
         true => written.estimate(&gpu, &compiler, settings, (&mut data, &by, drawn)),

@@ -171,7 +171,8 @@ impl WorkFlags {
             layout: self.layout,
             addressing: self.paging.addressing(),
             level_min: 0,
-            levels_coarser: 0,
+            level_shift: 0,
+            steps_longer: 0,
             paging: self.paging.settings(),
         };
         settings.checked()

@@ -86,7 +86,10 @@ impl PlannedMacrocells {
             return Ok(None);
         }
         let (finest_edges, interval_edges) = match adaptive {
-            true => (Some(codes.step_edges), Some(codes.step_edges * INTERVAL_STEPS)),
+            true => {
+                let finest = codes.step_edges * f64::from(1 << settings.steps_longer);
+                (Some(finest), Some(finest * INTERVAL_STEPS))
+            }
             false => (None, None),
         };
         Ok(Some(PlannedMacrocells {

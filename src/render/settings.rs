@@ -20,9 +20,12 @@ pub struct Settings {
     /// Finest level drawn where bricks are paged, whatever a pixel's footprint: for the study, which
     /// takes levels one by one. Above 0 it changes the picture.
     pub level_min: u8,
-    /// Where bricks are paged, levels above 0 are drawn by so many coarser: for estimates of what levels
-    /// cost. Above 0 it changes the picture.
-    pub levels_coarser: u8,
+    /// Where bricks are paged, levels above 0 are drawn by so many coarser, or finer where it is negative:
+    /// for estimates of what levels cost. Other than 0 it changes the picture.
+    pub level_shift: i8,
+    /// By so many powers of two the integrator "adaptive" takes longer steps than its tolerance allows: for
+    /// estimates of what they cost. Above 0 it changes the picture.
+    pub steps_longer: u8,
     /// How bricks are paged, where they are.
     pub paging: PagingSettings,
 }
@@ -54,7 +57,8 @@ impl Default for Settings {
             layout: LayoutChoice::Auto,
             addressing: Addressing::Auto,
             level_min: 0,
-            levels_coarser: 0,
+            level_shift: 0,
+            steps_longer: 0,
             paging: PagingSettings::default(),
         }
     }

@@ -2,12 +2,14 @@
 //!
 //! Three parts, each the greatest error of r, g and b over the background, linear:
 //!
-//! - *step*, an **estimate**: the same rays drawn with steps twice as long (or a tolerance four times as
-//!   great; half the step where a longer one is refused), filter exact. Where a step of half the length has
-//!   at most half the error, the difference is no less than the error. Two errors may be equal at a pixel
-//!   by chance, so the greatest difference among a pixel and its eight neighbours counts.
+//! - *step*, an **estimate**: the same rays drawn with steps twice as long (half as long where longer ones are
+//!   refused), filter exact. Where half the step has at most half the error, the difference is no less than
+//!   the error. Two errors may be equal at a pixel by chance, so the greatest difference among a pixel and
+//!   its eight neighbours counts.
 //! - *early stop*, a **bound**: what a ray that ended still lets through, times the brightest colour there is.
-//! - *levels*, an **estimate**: levels above 0 drawn one level coarser, as for the step. Refinement by
+//! - *levels*, an **estimate**: levels above 0 drawn one level coarser (or finer, where there is no coarser
+//!   one), twice the difference; the neighbours count as for the step. It holds where a finer level takes a
+//!   third off the error (or half of it). Refinement by
 //!   substitution that could not end is **measured** beside it: the scene is drawn again with exact
 //!   refinement, which ends in any atlas.
 //!
@@ -25,6 +27,9 @@ use crate::scene::{Filter, Integrator, Quality, Refine};
 
 /// Rounding of f32 over some hundred samples, for colours up to 1.
 const ROUNDING: f32 = 2e-6;
+/// Error of a level over its difference to the coarser one where a finer level takes a third off, and to the
+/// finer one where it halves the error.
+const LEVEL_FACTOR: f32 = 2.0;
 
 /// A view as it was drawn.
 #[derive(Clone, Debug)]
@@ -118,15 +123,18 @@ pub struct DrawnBy {
     paged: bool,
     /// Coarsest level in each view.
     coarsest: Vec<u8>,
+    /// The volume's coarsest.
+    last: u8,
 }
 
 impl DrawnBy {
-    /// The facts of a plan.
-    pub fn plan(plan: &Plan) -> DrawnBy {
+    /// The facts of a plan of `data`.
+    pub fn plan(plan: &Plan, data: &SceneData) -> DrawnBy {
         DrawnBy {
             samples: plan.step_world.is_some(),
             paged: plan.addressing == "paged",
             coarsest: (0..plan.views.len()).map(|view| plan.coarsest_level(view)).collect(),
+            last: (data.volumes[0].source.description().levels.count() - 1) as u8,
         }
     }
 }
@@ -197,7 +205,7 @@ impl Drawing<'_> {
         }
         let finished = finished.as_deref().unwrap_or(drawn);
         if by.samples {
-            let (quality, factor, what) = other_step(exact, by.paged);
+            let (quality, settings, factor, what) = other_step(exact, settings, by.paged);
             let controls = controls(quality, settings, &what)?;
             for ((parts, view), control) in parts.iter_mut().zip(finished).zip(&controls) {
                 let values = spread(&difference(&view.picture, &control.picture, factor), size);
@@ -214,16 +222,23 @@ impl Drawing<'_> {
             }
         }
         if by.coarsest.iter().any(|level| *level > 0) {
-            let what = "levels above 0 one coarser".to_owned();
-            let coarser = Settings { levels_coarser: 1, addressing: Addressing::Paged, ..settings };
-            let controls = controls(waits, coarser, &what)?;
+            // Of the coarsest level there is no coarser one.
+            let (level_shift, what) = match by.coarsest.iter().any(|level| *level == by.last) {
+                false => (1, "levels above 0 one coarser"),
+                true => (-1, "levels above 0 one finer"),
+            };
+            let shifted = Settings { level_shift, addressing: Addressing::Paged, ..settings };
+            let controls = controls(waits, shifted, what)?;
             for ((parts, view), control) in parts.iter_mut().zip(finished).zip(&controls) {
-                let values = spread(&difference(&view.picture, &control.picture, 1.0), size);
-                merge(parts, Part::new("levels", How::Estimate, what.clone(), values));
+                let apart = difference(&view.picture, &control.picture, LEVEL_FACTOR);
+                let values = spread(&apart, size);
+                merge(parts, Part::new("levels", How::Estimate, what.to_owned(), values));
             }
         }
-        let estimates = parts.into_iter().zip(costs);
-        Ok(estimates.map(|(parts, cost)| ErrorEstimate::new(parts, cost, brightest)).collect())
+        let views = parts.into_iter().zip(costs).zip(drawn);
+        let estimates = views
+            .map(|((parts, cost), view)| ErrorEstimate::new(parts, cost, &view.picture, brightest));
+        Ok(estimates.collect())
     }
 
     fn draw(&mut self, data: &SceneData, settings: &Settings, what: &str) -> Result<Vec<Drawn>> {
@@ -252,13 +267,22 @@ impl Drawing<'_> {
 }
 
 impl ErrorEstimate {
-    fn new(parts: Vec<Part>, (samples, ms): (u64, f64), brightest: f32) -> ErrorEstimate {
-        let pixels = parts.first().map_or(0, |part| part.values.len());
+    fn new(
+        parts: Vec<Part>,
+        (samples, ms): (u64, f64),
+        picture: &Picture,
+        brightest: f32,
+    ) -> ErrorEstimate {
         let rounding = ROUNDING * brightest.max(1.0);
-        let sum = |at: usize| parts.iter().map(|part| part.values[at]).sum::<f32>() + rounding;
-        let total: Vec<f32> = (0..pixels).map(sum).collect();
+        let sum = |(at, pixel): (usize, &[f32; 4])| {
+            // Of nothing there is nothing to round.
+            let rounded = if pixel[3] == 0.0 { 0.0 } else { rounding };
+            parts.iter().map(|part| part.values[at]).sum::<f32>() + rounded
+        };
+        let total: Vec<f32> = picture.pixels.iter().enumerate().map(sum).collect();
         let (max, rms) = figures(&total);
-        let psnr_db = -20.0 * rms.log10();
+        // JSON has no infinity.
+        let psnr_db = -20.0 * rms.max(1e-30).log10();
         let (control_samples, control_ms) = (samples, ms);
         ErrorEstimate { parts, max, rms, psnr_db, control_samples, control_ms, total }
     }
@@ -300,7 +324,7 @@ pub fn coverage(total: &[f32], picture: &[[f32; 4]], truth: &[[f64; 4]]) -> Cove
     Coverage {
         covered: covered as f64 / pixels,
         beyond_max,
-        over_truth: (of_estimate / of_truth).sqrt(),
+        over_truth: (of_estimate / of_truth.max(1e-60)).sqrt(),
         true_rms: (of_truth / pixels).sqrt(),
     }
 }
@@ -328,22 +352,27 @@ fn merge(parts: &mut Vec<Part>, other: Part) {
     ));
 }
 
-/// The quality to compare with, by how much a difference is taken, and its name.
-fn other_step(quality: Quality, paged: bool) -> (Quality, f32, String) {
-    let Quality { step, tolerance, .. } = quality;
+/// The quality and settings to compare with, by how much a difference is taken, and its name.
+fn other_step(
+    quality: Quality,
+    settings: Settings,
+    paged: bool,
+) -> (Quality, Settings, f32, String) {
+    let step = quality.step;
     match quality.integrator {
+        // A greater tolerance need not give longer steps: some are as long as any.
         Integrator::Adaptive => {
-            let tolerance = 4.0 * tolerance;
-            (Quality { tolerance, ..quality }, 1.0, format!("tolerance {tolerance}"))
+            let settings = Settings { steps_longer: 1, ..settings };
+            (quality, settings, 1.0, "steps twice as long".to_owned())
         }
         // Longer spans may not fit a brick's border.
         Integrator::Preintegrated if paged => {
             let step = 0.5 * step;
-            (Quality { step, ..quality }, 2.0, format!("step {step}"))
+            (Quality { step, ..quality }, settings, 2.0, format!("step {step}"))
         }
         Integrator::Riemann | Integrator::Preintegrated => {
             let step = 2.0 * step;
-            (Quality { step, ..quality }, 1.0, format!("step {step}"))
+            (Quality { step, ..quality }, settings, 1.0, format!("step {step}"))
         }
     }
 }

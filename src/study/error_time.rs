@@ -168,7 +168,7 @@ pub fn levels_by_footprint(data: &SceneData) -> [u8; 2] {
     let Some(numbers) = BrickNumbers::new(description, Vec::new(), 0) else { return [0, 0] };
     let scene = &data.scene;
     let step = scene.quality.step;
-    let levels = LevelChoice { step, level_min: 0, level_max: None, coarser: 0 };
+    let levels = LevelChoice { step, level_min: 0, level_max: None, shift: 0 };
     let (view, size) = (&scene.views[0], scene.picture.size);
     let world_from_voxel = data.world_from_voxel(0);
     ViewLevels::new(view, size, description, &world_from_voxel, &numbers, levels)

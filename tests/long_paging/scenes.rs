@@ -182,7 +182,8 @@ pub fn settings(chance: &mut Chance, patience: Duration) -> Settings {
         layout: chance.one(&[LayoutChoice::Auto, LayoutChoice::Only(Layout::Plain)]),
         addressing: Addressing::Paged,
         level_min: 0,
-        levels_coarser: 0,
+        level_shift: 0,
+        steps_longer: 0,
         paging,
     }
 }

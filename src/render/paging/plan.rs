@@ -112,7 +112,7 @@ impl PagingPlan {
             step: scene.quality.sample_edges(),
             level_min: settings.level_min,
             level_max: scene.quality.level_max,
-            coarser: settings.levels_coarser,
+            shift: settings.level_shift,
         };
         if preintegrated {
             check_spans(&scene.quality, &world_from_voxel)?;

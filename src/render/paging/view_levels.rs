@@ -31,8 +31,8 @@ pub struct LevelChoice {
     pub level_min: u8,
     /// Coarsest allowed; nothing: the volume's coarsest.
     pub level_max: Option<u8>,
-    /// By so many levels coarser than this and the pixel's footprint say; level 0 stays itself.
-    pub coarser: u8,
+    /// By so many levels coarser than this and the pixel's footprint say, or finer; level 0 stays itself.
+    pub shift: i8,
 }
 
 /// Beyond every volume, as a ray parameter.
@@ -84,7 +84,7 @@ impl ViewLevels {
         let ends_at = |level: usize| if level == coarsest { FAR } else { begins_at(level + 1) };
         let drawn_as = |level: usize| match level {
             0 => 0,
-            _ => (level + usize::from(choice.coarser)).min(last),
+            _ => level.saturating_add_signed(choice.shift.into()).min(last),
         };
         // Where a level is drawn, in its own place or in that of finer ones.
         let depth = |drawn: usize| {
