@@ -151,7 +151,7 @@ fn levels_are_a_part_where_they_are_in_use() {
             levels.map(|part| (part.how, &*part.from)),
             from.map(|from| (How::Estimate, from))
         );
-        assert!(found.covered.covered >= 0.95, "{size:?}, {from:?}: {:?}", found.covered);
+        assert!(found.covered.covered >= 0.9, "{size:?}, {from:?}: {:?}", found.covered);
     }
     device.finish();
 }
