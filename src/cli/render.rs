@@ -86,16 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.json {
         print_json(&results)?;
     }
-    if let Some(first) = gpu.messages().first() {
-        return Err(Error {
-            exit: Exit::Bug,
-            message: format!(
-                "validation had {} message(s), the first: {}",
-                gpu.messages().len(),
-                first.text
-            ),
-        });
-    }
+    DeviceFlags::heed_validation(&gpu)?;
     match results.views.iter().find_map(incomplete) {
         Some(why) => Err(Error { exit: Exit::Incomplete, message: why }),
         None => Ok(()),

@@ -9,7 +9,7 @@ use crate::cli::bare_file;
 use crate::cli::load::{load_scene, load_scene_for_reference};
 use crate::cli::paging_flags::PagingFlags;
 use crate::cli::reading::Reading;
-use crate::error::Result;
+use crate::error::{Error, Exit, Result};
 use crate::gpu::{DeviceRequest, Gpu, Instance, ShaderCompiler, Validation};
 use crate::passes::SOURCES;
 use crate::render::{Layout, LayoutChoice, SceneData, Settings};
@@ -143,6 +143,15 @@ impl DeviceFlags {
         let validation = if self.validate { Validation::On } else { Validation::Off };
         let request = DeviceRequest { choice: self.device.clone() };
         Gpu::open(&Instance::new(validation)?, &request)
+    }
+
+    /// Whatever validation said is a bug of ours.
+    pub fn heed_validation(gpu: &Gpu) -> Result<()> {
+        let messages = gpu.messages();
+        let Some(first) = messages.first() else { return Ok(()) };
+        let message =
+            format!("validation had {} message(s), the first: {}", messages.len(), first.text);
+        Err(Error { exit: Exit::Bug, message })
     }
 }
 

@@ -15,6 +15,7 @@ pub mod overhead;
 pub mod perceptual;
 pub mod reload;
 pub mod repeated;
+pub mod resident_frames;
 pub mod sample_price;
 pub mod sampler_precision;
 pub mod ssim;
