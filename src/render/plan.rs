@@ -193,7 +193,7 @@ impl Plan {
             preintegrated: preintegrated && !homogeneous,
             macrocells: MacrocellUse::Unused,
         };
-        let macrocells = PlannedMacrocells::new(data, &texel_layouts, settings)?;
+        let macrocells = PlannedMacrocells::new(data, &facts, &texel_layouts, settings)?;
         if let Some(planned) = &macrocells {
             shape.macrocells = match planned.interval_edges {
                 Some(_) => MacrocellUse::Adaptive,
