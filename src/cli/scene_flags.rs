@@ -167,6 +167,10 @@ pub struct WorkFlags {
     /// How voxels lie on the device: plain, quads (4 x the memory; fast where the CPU samples), auto.
     #[arg(long, default_value = "auto", value_parser = layout, help_heading = "Work")]
     layout: LayoutChoice,
+    /// Load and sample what shows nothing too: bricks, and where voxels are addressed directly, boxes
+    /// of 4 cubed.
+    #[arg(long, help_heading = "Work")]
+    no_skipping: bool,
     #[command(flatten)]
     paging: PagingFlags,
 }
@@ -180,6 +184,7 @@ impl WorkFlags {
             layout: self.layout,
             addressing: self.paging.addressing(),
             level_min: 0,
+            skipping: !self.no_skipping,
             paging: self.paging.settings(),
         };
         settings.checked()

@@ -59,7 +59,7 @@ impl PlannedMacrocells {
         let quality = &data.scene.quality;
         let adaptive = quality.integrator.has_tolerance();
         let homogeneous = texel_layouts.iter().all(Option::is_none);
-        if homogeneous || !(adaptive || settings.paging.skipping) {
+        if homogeneous || !(adaptive || settings.skipping) {
             return Ok(None);
         }
         let (volume, voxels) = data.volume()?;

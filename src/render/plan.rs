@@ -203,7 +203,7 @@ impl Plan {
         }
         left_out.of_shape(&shape, scene.quality.early_stop, homogeneous);
         if shape.macrocells == MacrocellUse::Unused && !homogeneous {
-            let why = match settings.paging.skipping {
+            let why = match settings.skipping {
                 true => "too few of them show nothing",
                 false => "--no-skipping",
             };

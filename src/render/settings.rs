@@ -20,6 +20,8 @@ pub struct Settings {
     /// Finest level drawn where bricks are paged, whatever a pixel's footprint: for the study, which
     /// takes levels one by one. Above 0 it changes the picture.
     pub level_min: u8,
+    /// Whether what shows nothing is left out: macrocells of a volume drawn directly, else bricks.
+    pub skipping: bool,
     /// How bricks are paged, where they are.
     pub paging: PagingSettings,
 }
@@ -51,6 +53,7 @@ impl Default for Settings {
             layout: LayoutChoice::Auto,
             addressing: Addressing::Auto,
             level_min: 0,
+            skipping: true,
             paging: PagingSettings::default(),
         }
     }

@@ -173,11 +173,8 @@ fn ways(
             layout: LayoutChoice::Only(layout),
             addressing,
             // Against every sample: what the page table costs, and what it saves alone.
-            paging: PagingSettings {
-                marks,
-                skipping: addressing == Addressing::Paged,
-                ..PagingSettings::default()
-            },
+            skipping: addressing == Addressing::Paged,
+            paging: PagingSettings { marks, ..PagingSettings::default() },
             ..Settings::default()
         };
         ResidentScene::new(gpu, compiler, data, &settings.checked()?)

@@ -99,7 +99,7 @@ impl PagingPlan {
                 format: shown.format,
                 layout: *layout,
                 segments: judged,
-                skipping: settings.paging.skipping,
+                skipping: settings.skipping,
             };
             judges.insert(source.channels[judges.len()], judge);
             segments.extend(of_channel);
@@ -161,7 +161,7 @@ impl PagingPlan {
             ranks,
             several_levels: views.iter().any(ViewLevels::several),
             views: scene.views.len(),
-            skipping: settings.paging.skipping,
+            skipping: settings.skipping,
             show_states: settings.paging.show_states,
             marks: settings.paging.marks,
             payload: description.payload.to_array(),
