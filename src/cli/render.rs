@@ -11,7 +11,8 @@ use crate::cli::progress::Progress;
 use crate::cli::scene_flags::{DeviceFlags, SceneFlags, WorkFlags, shader_compiler};
 use crate::cli::trace_file::TraceFile;
 use crate::error::{Error, Exit, Result};
-use crate::render::{Addressing, Plan, Renderer, SceneData, Statistics};
+use crate::render::{Addressing, Renderer, SceneData, Statistics};
+use crate::study::layout_price;
 
 /// Draw a scene's views into picture files.
 ///
@@ -68,7 +69,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         data.check_memory()?;
     }
     let gpu = arguments.device.open()?;
-    let plan = Plan::new(&gpu, &shader_compiler(), &data, &settings)?;
+    let plan = layout_price::plan(&gpu, &shader_compiler(), &data, &settings)?;
     let scene = &arguments.scene.scene;
     let trace = trace_file.as_ref().map(|file| file.begin(&gpu, scene));
     let mut renderer = Renderer::traced(&gpu, plan, &data, trace.as_ref())?;

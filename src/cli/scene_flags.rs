@@ -164,7 +164,8 @@ pub struct WorkFlags {
     /// Samples of one ray in one dispatch, at most 32768.
     #[arg(long, default_value_t = 4096, help_heading = "Work")]
     steps_per_dispatch: u32,
-    /// How voxels lie on the device: plain, quads (4 x the memory; fast where the CPU samples), auto.
+    /// How voxels lie on the device: plain, quads (4 x the memory, two loads a sample in place of eight),
+    /// auto (quads where they fit atlas_mib and the device, measured at the start, samples them for less).
     #[arg(long, default_value = "auto", value_parser = layout, help_heading = "Work")]
     layout: LayoutChoice,
     /// Load and sample what shows nothing too: bricks, and where voxels are addressed directly, boxes

@@ -11,6 +11,7 @@ pub mod figures;
 pub mod front;
 pub mod journal;
 pub mod ladder;
+pub mod layout_price;
 pub mod overhead;
 pub mod perceptual;
 pub mod reload;
