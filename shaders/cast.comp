@@ -2,12 +2,12 @@
 // whose longest ray fits one dispatch: no ray state is kept. The same arithmetic as rays, march and
 // resolve one after another.
 //
-// reads    views     [view]     the view's rays, linear in the pixel, f64
-//          transfer  [segment]  transfer functions of all channels, one after another
-//          channels  [image]    voxels with an apron of one on every side; absent when every channel is constant
-//          macrocells  [image]  what macrocells show; MACROCELLS alone
-// writes   picture   [pixel]    linear rgb over the background, and alpha
-// updates  counters  [counter]  samples taken: low and high word
+// reads    views       [view]     the view's rays, linear in the pixel, f64
+//          transfer    [segment]  transfer functions of all channels, one after another
+//          channels    [image]    voxels with an apron of one on every side; absent when every channel is constant
+//          macrocells  [image]    what macrocells show; MACROCELLS alone
+// writes   picture     [pixel]    linear rgb over the background, and alpha
+// updates  counters    [counter]  samples taken: low and high word
 // shape    one thread per pixel of the tile, 8 x 8 x 1
 // spaces   as common/ray_setup.glsl and common/ray_march.glsl
 // variants VIEWS: how many views there are; as common/ray_march.glsl

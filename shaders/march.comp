@@ -3,7 +3,7 @@
 // reads    ray_geometry  [ray]      fixed-point start and step
 //          transfer      [segment]  transfer functions of all channels, one after another
 //          channels      [image]    voxels with an apron of one on every side; absent when every channel is constant
-//          macrocells  [image]  what macrocells show; MACROCELLS alone
+//          macrocells    [image]    what macrocells show; MACROCELLS alone
 // updates  ray_state     [ray]      position, optical depth, colour
 // shape    one thread per ray of the tile, 8 x 8 x 1
 // spaces   as common/ray_march.glsl

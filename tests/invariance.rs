@@ -3,7 +3,6 @@
 
 mod common;
 
-use ashfall::render::paging::PagingSettings;
 use ashfall::render::{Layout, LayoutChoice, Settings};
 use ashfall::scene::Overrides;
 use common::drawing::{Device, Drawn, computed_scene, scene_data};
@@ -62,8 +61,7 @@ fn staging_size_does_not_matter() {
 
 /// Settings that look at every sample.
 fn everything() -> Settings {
-    let paging = PagingSettings { skipping: false, ..PagingSettings::default() };
-    Settings { paging, ..Settings::default() }
+    Settings { skipping: false, ..Settings::default() }
 }
 
 #[test]

@@ -18,6 +18,7 @@ mod import;
 mod info;
 mod interrupt;
 mod load;
+mod measuring;
 mod output;
 mod paging_flags;
 mod picture_file;

@@ -52,6 +52,26 @@ pub fn say(text: impl Display) {
     let _ = writeln!(std::io::stderr().lock(), "ashfall: {text}");
 }
 
+/// Writes text into a file of the folder that `-o` names.
+///
+/// # Errors
+/// Exit code 4 when the disk does not take it.
+pub fn write(path: &Path, text: &str) -> Result<()> {
+    std::fs::write(path, text).map_err(|why| not_written(path, &why))
+}
+
+/// Makes the folder that `-o` names, where it is not there.
+///
+/// # Errors
+/// As [`write`].
+pub fn make_folder(folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|why| not_written(folder, &why))
+}
+
+fn not_written(path: &Path, why: &std::io::Error) -> Error {
+    Error::machine(format!("{}: cannot be written: {why}; choose another -o", path.display()))
+}
+
 /// Writes such an object into a file.
 pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
     std::fs::write(path, json_text(value)?).map_err(|why| {

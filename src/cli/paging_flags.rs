@@ -27,9 +27,6 @@ pub struct PagingFlags {
     /// buffer and a compute pass), auto.
     #[arg(long, default_value = "auto", value_parser = copy_path, help_heading = "Paging")]
     copy_path: CopyChoice,
-    /// Load and sample bricks that show nothing too.
-    #[arg(long, help_heading = "Paging")]
-    no_skipping: bool,
     /// Each round waits for what it asked, so that runs repeat (the default).
     #[arg(long, conflicts_with = "free_running", help_heading = "Paging")]
     lockstep: bool,
@@ -63,7 +60,6 @@ impl PagingFlags {
             staging_bricks: self.staging_bricks,
             loaders: self.loaders,
             copy_path: self.copy_path.0,
-            skipping: !self.no_skipping,
             lockstep: self.lockstep || !self.free_running,
             show_states: self.show_states,
             patience: Duration::from_secs(self.patience),

@@ -5,10 +5,14 @@ use clap::Args;
 use crate::cli::output::{print, print_json};
 use crate::cli::scene_flags::{DeviceFlags, SceneFlags, WorkFlags, shader_compiler};
 use crate::error::Result;
-use crate::render::{Addressing, Plan};
+use crate::render::Addressing;
+use crate::study::layout_price;
 
 /// Say what a scene needs on a device: every object, pass, shader variant and byte, and what is left
 /// out and why. Makes no picture.
+///
+/// Nothing of the plan is made, but how voxels lie may be chosen by a measurement on the device, whose own
+/// objects are gone when it ends; --layout plain or quads does without.
 #[derive(Args)]
 pub struct Arguments {
     #[command(flatten)]
@@ -31,9 +35,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         data.check_memory()?;
     }
     let gpu = arguments.device.open()?;
-    let plan = Plan::new(&gpu, &shader_compiler(), &data, &settings)?;
+    let plan = layout_price::plan(&gpu, &shader_compiler(), &data, &settings)?;
     if arguments.json {
-        return print_json(&plan);
+        print_json(&plan)?;
+    } else {
+        print(&plan)?;
     }
-    print(&plan)
+    DeviceFlags::heed_validation(&gpu)
 }

@@ -14,8 +14,9 @@ use crate::cli::scene_flags::{DeviceFlags, SceneFlags, WorkFlags, shader_compile
 use crate::cli::trace_file::TraceFile;
 use crate::error::{Error, Exit, Result};
 use crate::gpu::{Gpu, ShaderCompiler};
-use crate::render::{Addressing, Plan, Renderer, SceneData, Settings, Statistics};
+use crate::render::{Addressing, Renderer, SceneData, Settings, Statistics};
 use crate::study::error_estimate::{Coverage, Drawing, Drawn, DrawnBy, ErrorEstimate};
+use crate::study::layout_price;
 
 /// Draw a scene's views into picture files.
 ///
@@ -87,7 +88,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let gpu = arguments.device.open()?;
     let compiler = shader_compiler();
-    let plan = Plan::new(&gpu, &compiler, &data, &settings)?;
+    let plan = layout_price::plan(&gpu, &compiler, &data, &settings)?;
     let scene = &arguments.scene.scene;
     let trace = trace_file.as_ref().map(|file| file.begin(&gpu, scene));
     let mut renderer = Renderer::traced(&gpu, plan, &data, trace.as_ref())?;
@@ -115,16 +116,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.json {
         print_json(&results)?;
     }
-    if let Some(first) = gpu.messages().first() {
-        return Err(Error {
-            exit: Exit::Bug,
-            message: format!(
-                "validation had {} message(s), the first: {}",
-                gpu.messages().len(),
-                first.text
-            ),
-        });
-    }
+    DeviceFlags::heed_validation(&gpu)?;
     estimated?;
     match results.views.iter().find_map(incomplete) {
         Some(why) => Err(Error { exit: Exit::Incomplete, message: why }),

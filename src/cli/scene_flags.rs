@@ -9,7 +9,7 @@ use crate::cli::bare_file;
 use crate::cli::load::{load_scene, load_scene_for_reference};
 use crate::cli::paging_flags::PagingFlags;
 use crate::cli::reading::Reading;
-use crate::error::Result;
+use crate::error::{Error, Exit, Result};
 use crate::gpu::{DeviceRequest, Gpu, Instance, ShaderCompiler, Validation};
 use crate::passes::SOURCES;
 use crate::render::{Layout, LayoutChoice, SceneData, Settings};
@@ -144,6 +144,15 @@ impl DeviceFlags {
         let request = DeviceRequest { choice: self.device.clone() };
         Gpu::open(&Instance::new(validation)?, &request)
     }
+
+    /// Whatever validation said is a bug of ours.
+    pub fn heed_validation(gpu: &Gpu) -> Result<()> {
+        let messages = gpu.messages();
+        let Some(first) = messages.first() else { return Ok(()) };
+        let message =
+            format!("validation had {} message(s), the first: {}", messages.len(), first.text);
+        Err(Error { exit: Exit::Bug, message })
+    }
 }
 
 /// What never changes a finished picture.
@@ -155,9 +164,14 @@ pub struct WorkFlags {
     /// Samples of one ray in one dispatch, at most 32768.
     #[arg(long, default_value_t = 4096, help_heading = "Work")]
     steps_per_dispatch: u32,
-    /// How voxels lie on the device: plain, quads (4 x the memory; fast where the CPU samples), auto.
+    /// How voxels lie on the device: plain, quads (4 x the memory, two loads a sample in place of eight),
+    /// auto (quads where they fit atlas_mib and the device, measured at the start, samples them for less).
     #[arg(long, default_value = "auto", value_parser = layout, help_heading = "Work")]
     layout: LayoutChoice,
+    /// Load and sample what shows nothing too: bricks, and where voxels are addressed directly, boxes
+    /// of 4 cubed.
+    #[arg(long, help_heading = "Work")]
+    no_skipping: bool,
     #[command(flatten)]
     paging: PagingFlags,
 }
@@ -173,6 +187,7 @@ impl WorkFlags {
             level_min: 0,
             level_shift: 0,
             steps_longer: 0,
+            skipping: !self.no_skipping,
             paging: self.paging.settings(),
         };
         settings.checked()

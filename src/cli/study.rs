@@ -9,10 +9,11 @@ use clap::Args;
 use indicatif::ProgressBar;
 
 use crate::cli::cores::all_cores;
-use crate::cli::output::{print, print_json, write_json};
+use crate::cli::measuring::MeasuringFlags;
+use crate::cli::output::{make_folder, print, write, write_json};
 use crate::cli::progress;
 use crate::cli::render::keep_views;
-use crate::cli::scene_flags::{DeviceFlags, OptionalScene, SceneFlags, WorkFlags, shader_compiler};
+use crate::cli::scene_flags::{OptionalScene, SceneFlags, WorkFlags, shader_compiler};
 use crate::error::{Error, Exit, Result};
 use crate::gpu::Gpu;
 use crate::render::SceneData;
@@ -67,9 +68,6 @@ pub struct Arguments {
     /// Threads that integrate the reference; default: all cores.
     #[arg(long)]
     jobs: Option<usize>,
-    /// Print one JSON object instead of a table.
-    #[arg(long)]
-    json: bool,
     /// Sweep these alone: step, filter, early-stop, level, level-max, atlas, streaming.
     #[arg(long, value_name = "AXIS", value_delimiter = ',', value_parser = part, help_heading = "What is swept",
           default_value = "step,filter,early-stop,level,level-max,atlas,streaming")]
@@ -143,7 +141,7 @@ pub struct Arguments {
           help_heading = "What is swept")]
     streaming_bricks: u32,
     #[command(flatten)]
-    device: DeviceFlags,
+    measuring: MeasuringFlags,
     #[command(flatten)]
     work: WorkFlags,
 }
@@ -163,8 +161,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             &arguments.suite,
             integrators.collect(),
             arguments.output.as_deref(),
-            arguments.json,
-            &arguments.device,
+            &arguments.measuring,
         );
     }
     match (&arguments.scene.0, &arguments.output) {
@@ -211,27 +208,26 @@ fn sweep(arguments: &Arguments, flags: &SceneFlags, folder: &Path) -> Result<()>
             "--only: this volume has nothing of that to sweep: name another axis",
         ));
     }
-    std::fs::create_dir_all(folder).map_err(|why| disk(folder, &why))?;
-    let gpu = arguments.device.open()?;
-    let table = measured(flags, folder, &gpu, data, effort)?;
-    write_json(&folder.join("study.json"), &table)?;
-    write(&folder.join("study.csv"), &table.csv())?;
-    write(&folder.join("study.svg"), &study_svg(&table))?;
-    if table.streaming.is_some() {
-        write(&folder.join("streaming.csv"), &table.streaming_csv())?;
-        write(&folder.join("streaming.svg"), &streaming_svg(&table))?;
-    }
-    if arguments.json {
-        print_json(&table)?;
-    } else {
-        print(table.text())?;
-    }
-    if let Some(first) = gpu.messages().first() {
-        let message = format!("validation spoke, first: {}", first.text);
-        return Err(Error { exit: Exit::Bug, message });
-    }
+    make_folder(folder)?;
+    let measured = |gpu: &Arc<Gpu>| {
+        let table = measured(flags, folder, gpu, data, effort)?;
+        write_table(folder, &table)?;
+        Ok(table)
+    };
+    let table = arguments.measuring.measure(measured, |table| print(table.text()))?;
     let lacking = table.incomplete();
     lacking.map_or(Ok(()), |message| Err(Error { exit: Exit::Incomplete, message }))
+}
+
+fn write_table(folder: &Path, table: &StudyTable) -> Result<()> {
+    write_json(&folder.join("study.json"), table)?;
+    write(&folder.join("study.csv"), &table.csv())?;
+    write(&folder.join("study.svg"), &study_svg(table))?;
+    if table.streaming.is_some() {
+        write(&folder.join("streaming.csv"), &table.streaming_csv())?;
+        write(&folder.join("streaming.svg"), &streaming_svg(table))?;
+    }
+    Ok(())
 }
 
 /// The scene with one view, whose voxels fit memory.
@@ -354,14 +350,6 @@ impl Watcher for Bars {
         self.settings.set_message(key.to_owned());
         self.settings.set_position(done as u64);
     }
-}
-
-fn write(path: &Path, text: &str) -> Result<()> {
-    std::fs::write(path, text).map_err(|why| disk(path, &why))
-}
-
-fn disk(path: &Path, why: &std::io::Error) -> Error {
-    Error::machine(format!("{}: cannot be written: {why}; choose another -o", path.display()))
 }
 
 fn part(text: &str) -> std::result::Result<Part, String> {

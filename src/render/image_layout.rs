@@ -27,7 +27,7 @@ impl Layout {
 /// Which layout is wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LayoutChoice {
-    /// Quads on devices without texture hardware where they fit the atlas, else plain.
+    /// Quads where the scene allows them, they fit the atlas, and the device samples them for less.
     Auto,
     /// This one.
     Only(Layout),

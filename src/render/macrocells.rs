@@ -9,12 +9,13 @@ use crate::gpu::{Gpu, Image, ImageFormat, ImageSpec};
 use crate::render::image_layout::{Layout, TexelLayout};
 use crate::render::paging::Judge;
 use crate::render::plan::PlannedImage;
+use crate::render::plan_images::ChannelFacts;
 use crate::render::scene_data::SceneData;
 use crate::render::settings::Settings;
-use crate::render::transfer_segments::transfer_segments;
+use crate::render::transfer_segments::{Windowed, segments_between, transfer_segments, value_at};
 use crate::twins::macrocells::{CODE_SHOWS, CODE_STEP_MAX, CODES_OF_LEVEL, LEVEL_WHOLE, REACH_MAX};
 use crate::twins::transfer::TransferSegment;
-use crate::volume::{Macrocells, Size3, ValueRange, VoxelFormat, sanitized};
+use crate::volume::{Macrocells, Size3, ValueRange, VoxelFormat};
 
 /// Part of the tolerance that one feature of the integrand may cost: a ray meets many.
 const TOLERANCE_OF_FEATURE: f64 = 0.15;
@@ -51,29 +52,28 @@ impl PlannedMacrocells {
     /// When voxels cannot be read.
     pub(super) fn new(
         data: &SceneData,
+        facts: &[ChannelFacts],
         texel_layouts: &[Option<TexelLayout>],
         settings: &Settings,
     ) -> Result<Option<PlannedMacrocells>> {
         let quality = &data.scene.quality;
         let adaptive = quality.integrator.has_tolerance();
         let homogeneous = texel_layouts.iter().all(Option::is_none);
-        if homogeneous || !(adaptive || settings.paging.skipping) {
+        if homogeneous || !(adaptive || settings.skipping) {
             return Ok(None);
         }
         let (volume, voxels) = data.volume()?;
         let ranges = data.volumes[0].macrocells()?;
         let mut channels = Vec::new();
-        for (index, layout) in texel_layouts.iter().enumerate() {
-            let of_channel = &voxels.channels[index];
-            let format = of_channel.voxels.format();
-            let layout = layout.unwrap_or_else(|| {
-                TexelLayout::of(format, of_channel.voxels.range(), Layout::Plain)
-            });
-            let scaling = (of_channel.slope, of_channel.intercept);
+        for (index, (facts, layout)) in facts.iter().zip(texel_layouts).enumerate() {
+            let format = facts.format;
+            let layout =
+                layout.unwrap_or_else(|| TexelLayout::of(format, facts.range, Layout::Plain));
+            let scaling = (voxels.channels[index].slope, voxels.channels[index].intercept);
             let from_texel = (layout.scale, layout.offset);
             let segments = transfer_segments(&volume.channels[index], scaling, from_texel);
             let judge = Judge { format, layout, segments, skipping: true };
-            let holes = of_channel.voxels.nan_count() > 0;
+            let holes = facts.nan_count > 0;
             channels.push(Channel { ranges: &ranges[index], judge, holes });
         }
         let tolerance = adaptive.then(|| Tolerance {
@@ -224,24 +224,12 @@ impl Change {
             return change;
         }
         let Judge { layout, segments, .. } = &channel.judge;
-        let first = &segments[0];
-        let windowed = |value: f32| {
-            let texel = (f64::from(sanitized(value)) - layout.offset) / layout.scale;
-            texel * f64::from(first.window_scale) + f64::from(first.window_offset)
-        };
+        let windowed = |value: f32| Windowed::of(value, layout, segments).at;
         let ends = [windowed(range.least), windowed(range.greatest)];
         let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
-        let (from, to) = (low.clamp(0.0, 1.0), high.clamp(0.0, 1.0));
         let (mut least, mut greatest) = ([f64::INFINITY; 4], [f64::NEG_INFINITY; 4]);
         let mut before: Option<[f64; 4]> = None;
-        for (index, segment) in segments.iter().enumerate() {
-            let begins = if index == 0 { 0.0 } else { f64::from(segment.begins_at) };
-            let next = segments.get(index + 1);
-            let ends = next.map_or(f64::INFINITY, |next| f64::from(next.begins_at));
-            let (start, end) = (from.max(begins), to.min(ends));
-            if start > end {
-                continue;
-            }
+        for (segment, [start, end]) in segments_between(segments, low, high) {
             let points = [start, end].map(|at| integrand(segment, at));
             if let Some(before) = before {
                 let apart = points[0].value.iter().zip(before).map(|(a, b)| (a - b).abs());
@@ -281,13 +269,13 @@ struct Integrand {
 }
 
 fn integrand(segment: &TransferSegment, at: f64) -> Integrand {
-    let along = at - f64::from(segment.begins_at);
-    let part =
-        |part: usize| f64::from(segment.start[part]) + f64::from(segment.slope[part]) * along;
-    let slope = |part: usize| f64::from(segment.slope[part]);
-    let (extinction, rise) = (part(3), slope(3));
-    let product = |at: usize| if at < 3 { extinction * part(at) } else { extinction };
-    let change = |at: usize| if at < 3 { rise * part(at) + extinction * slope(at) } else { rise };
+    let (value, slope) = (value_at(segment, at), segment.slope.map(f64::from));
+    let (extinction, rise) = (value[3], slope[3]);
+    let product = |part: usize| if part < 3 { extinction * value[part] } else { extinction };
+    let change = |part: usize| match part {
+        3 => rise,
+        _ => rise * value[part] + extinction * slope[part],
+    };
     Integrand { value: std::array::from_fn(product), slope: std::array::from_fn(change) }
 }
 

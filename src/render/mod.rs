@@ -11,6 +11,7 @@ mod plan;
 mod plan_images;
 mod plan_objects;
 mod plan_text;
+mod planned_layout;
 mod renderer;
 mod scene_data;
 mod settings;
@@ -23,6 +24,7 @@ mod volume_data;
 
 pub use image_layout::{Layout, LayoutChoice, TexelLayout};
 pub use plan::{Plan, PlannedBuffer, PlannedImage, PlannedPass};
+pub use planned_layout::{LayoutCost, LayoutMeter, LayoutPrices, PlannedLayout, QUADS_PRICE_MAX};
 pub use renderer::{Picture, Renderer};
 pub use scene_data::SceneData;
 pub use settings::{Addressing, Settings};

@@ -15,6 +15,7 @@ use crate::render::macrocells::PlannedMacrocells;
 use crate::render::paging::{CopyPath, PagingPlan, longest_diagonal_world};
 use crate::render::plan_images::{ChannelFacts, plan_images};
 use crate::render::plan_objects::{copies_of, objects, plan_buffers, planned_buffers, queues_text};
+use crate::render::planned_layout::{LayoutMeter, PlannedLayout};
 use crate::render::scene_data::SceneData;
 use crate::render::settings::{Addressing, LOOP_TURNS_MAX, Settings};
 use crate::render::transfer_segments::{classify_constant, open_both_ends, transfer_segments};
@@ -112,6 +113,9 @@ pub struct Plan {
     pub buffers: Vec<PlannedBuffer>,
     /// Images.
     pub images: Vec<PlannedImage>,
+    /// How voxels lie in them, what each way would cost, and why this one; nothing where no image holds
+    /// voxels.
+    pub layout: Option<PlannedLayout>,
     /// Passes in the order of a frame.
     pub passes: Vec<PlannedPass>,
     /// Vulkan objects by kind, for all views of the scene.
@@ -137,7 +141,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Plans a scene on a device; makes no Vulkan object.
+    /// Plans a scene on a device; makes no Vulkan object. Layouts go by the kind of the device.
     ///
     /// # Errors
     /// Exit code 3 when the volume does not fit `atlas_mib` or the step asks for too many samples.
@@ -147,17 +151,32 @@ impl Plan {
         data: &SceneData,
         settings: &Settings,
     ) -> Result<Plan> {
+        Plan::metered(gpu, compiler, data, settings, &|_| Ok(None))
+    }
+
+    /// As [`Plan::new`]; where the scene leaves open how voxels lie, `meter` is asked what that costs.
+    ///
+    /// # Errors
+    /// As [`Plan::new`], and those of `meter`.
+    pub fn metered(
+        gpu: &Gpu,
+        compiler: &ShaderCompiler,
+        data: &SceneData,
+        settings: &Settings,
+        meter: LayoutMeter,
+    ) -> Result<Plan> {
         let scene = &data.scene;
         check_views(gpu, scene.views.len())?;
         if is_paged(gpu, data, settings)? {
-            return Plan::paged(gpu, compiler, data, settings);
+            return Plan::paged(gpu, compiler, data, settings, meter);
         }
         let (volume, voxels) = data.volume()?;
         let facts: Vec<_> = voxels.channels.iter().map(ChannelFacts::of).collect();
         let mut left_out = LeftOut::default();
         let preintegrated = scene.quality.integrator == Integrator::Preintegrated;
 
-        let (mut images, texel_layouts) = plan_images(gpu, data, &facts, settings)?;
+        let ((mut images, texel_layouts), layout) =
+            plan_images(gpu, data, &facts, settings, meter)?;
         let atlas_bytes = images.iter().map(|image| image.memory_bytes).sum();
         let mut segments = Vec::new();
         let mut channels = Vec::new();
@@ -193,7 +212,7 @@ impl Plan {
             preintegrated: preintegrated && !homogeneous,
             macrocells: MacrocellUse::Unused,
         };
-        let macrocells = PlannedMacrocells::new(data, &texel_layouts, settings)?;
+        let macrocells = PlannedMacrocells::new(data, &facts, &texel_layouts, settings)?;
         if let Some(planned) = &macrocells {
             shape.macrocells = match planned.interval_edges {
                 Some(_) => MacrocellUse::Adaptive,
@@ -203,7 +222,7 @@ impl Plan {
         }
         left_out.of_shape(&shape, scene.quality.early_stop, homogeneous);
         if shape.macrocells == MacrocellUse::Unused && !homogeneous {
-            let why = match settings.paging.skipping {
+            let why = match settings.skipping {
                 true => "too few of them show nothing",
                 false => "--no-skipping",
             };
@@ -259,6 +278,7 @@ impl Plan {
             objects: objects(gpu, &buffers, &images, passes.len() as u64, submits, copies),
             buffers,
             images,
+            layout,
             passes,
             atlas_bytes,
             memory_bytes,
@@ -278,9 +298,10 @@ impl Plan {
         compiler: &ShaderCompiler,
         data: &SceneData,
         settings: &Settings,
+        meter: LayoutMeter,
     ) -> Result<Plan> {
         let scene = &data.scene;
-        let paging = PagingPlan::new(gpu, data, settings)?;
+        let paging = PagingPlan::new(gpu, data, settings, meter)?;
         let samples_of_ray_max = checked_samples(paging.samples_of_ray_max())?;
         let dispatches = dispatches_of(samples_of_ray_max, settings, &paging.bricks.march);
         let (picture, tile, tiles) = tiles_of(scene.picture.size, settings);
@@ -354,6 +375,7 @@ impl Plan {
             objects,
             buffers,
             images,
+            layout: Some(paging.layout.clone()),
             passes,
             atlas_bytes,
             memory_bytes,

@@ -2,8 +2,9 @@
 
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Image, ImageSpec};
-use crate::render::image_layout::{Layout, LayoutChoice, TexelLayout};
+use crate::render::image_layout::{Layout, TexelLayout};
 use crate::render::plan::PlannedImage;
+use crate::render::planned_layout::{LayoutMeter, PlannedLayout, choose, quads_possible};
 use crate::render::scene_data::SceneData;
 use crate::render::settings::Settings;
 use crate::scene::Filter;
@@ -59,39 +60,48 @@ impl ChannelFacts {
     }
 }
 
-/// The images and, by channel of the scene, what a texel means; nothing for a constant channel.
+/// Images of a layout and, by channel of the scene, what a texel means; nothing for a constant channel.
+type Images = (Vec<PlannedImage>, Vec<Option<TexelLayout>>);
+
+fn bytes((images, _): &Images) -> u64 {
+    images.iter().map(|image| image.memory_bytes).sum()
+}
+
+/// The images, what their texels mean, and how that layout was chosen; nothing where there is no image.
 pub(super) fn plan_images(
     gpu: &Gpu,
     data: &SceneData,
     facts: &[ChannelFacts],
     settings: &Settings,
-) -> Result<(Vec<PlannedImage>, Vec<Option<TexelLayout>>)> {
+    meter: LayoutMeter,
+) -> Result<(Images, Option<PlannedLayout>)> {
     let limit = data.scene.memory.atlas_mib << 20;
     let of_layout = |layout| images_in_layout(gpu, data, facts, layout);
-    let bytes = |images: &[PlannedImage]| images.iter().map(|i| i.memory_bytes).sum::<u64>();
-    let quads_possible = data.scene.quality.filter == Filter::Exact
-        && facts.iter().all(|facts| facts.format != VoxelFormat::Rgba8);
-    if settings.layout == LayoutChoice::Only(Layout::Quads) && !quads_possible {
-        return Err(Error::arguments(
-            "--layout quads: needs filter \"exact\" and no RGBA channel: use --layout plain",
-        ));
-    }
-    // Measured: `ashfall bench sample`, docs/MEASUREMENTS.md. Where the CPU samples, two fetches of
-    // quads cost a fifth of eight; texture hardware has a cache for the eight.
-    let quads_wanted = match settings.layout {
-        LayoutChoice::Auto => gpu.facts().kind == "cpu",
-        LayoutChoice::Only(layout) => layout == Layout::Quads,
+    let formats = || facts.iter().map(|facts| facts.format);
+    let possible = quads_possible(settings.layout, data.scene.quality.filter, formats())?;
+    let sampled = facts.iter().filter(|facts| !facts.is_constant()).map(|facts| facts.format);
+    let Some(widest) = sampled.max_by_key(|format| format.bytes()) else {
+        return Ok((of_layout(Layout::Plain)?, None));
     };
-    if quads_wanted && quads_possible {
-        let (images, layouts) = of_layout(Layout::Quads)?;
-        if bytes(&images) <= limit || settings.layout != LayoutChoice::Auto {
-            check_fits(data, bytes(&images), limit)?;
-            return Ok((images, layouts));
+    let plain = of_layout(Layout::Plain);
+    let quads = possible.then(|| of_layout(Layout::Quads));
+    let unfit = match &quads {
+        None => Some("quads need filter \"exact\" and no RGBA channel".to_owned()),
+        Some(Ok(quads)) if bytes(quads) > limit => {
+            Some("voxels in quads are more than atlas_mib".to_owned())
         }
-    }
-    let (images, layouts) = of_layout(Layout::Plain)?;
+        Some(Ok(_)) => None,
+        Some(Err(_)) => Some("this device has no images for quads".to_owned()),
+    };
+    let chosen = choose(settings.layout, unfit, gpu.facts().kind, || meter(widest))?;
+    let cost = |images: &Result<Images>| images.as_ref().ok().map(|images| (bytes(images), None));
+    let costs = [cost(&plain), quads.as_ref().and_then(cost)];
+    let images = match (chosen.layout, quads) {
+        (Layout::Quads, Some(quads)) => quads?,
+        _ => plain?,
+    };
     check_fits(data, bytes(&images), limit)?;
-    Ok((images, layouts))
+    Ok((images, Some(chosen.planned(costs))))
 }
 
 fn check_fits(data: &SceneData, bytes: u64, limit: u64) -> Result<()> {
@@ -112,7 +122,7 @@ fn images_in_layout(
     data: &SceneData,
     facts: &[ChannelFacts],
     layout: Layout,
-) -> Result<(Vec<PlannedImage>, Vec<Option<TexelLayout>>)> {
+) -> Result<Images> {
     let volume = &data.scene.volumes[0];
     let volume_size = data.volumes[0].source.description().size();
     let size = volume_size.to_array().map(|edge| edge + 2);

@@ -34,6 +34,19 @@ impl fmt::Display for Plan {
             mib(self.atlas_bytes),
             self.addressing
         )?;
+        if let Some(layout) = &self.layout {
+            writeln!(f, "layout     {}: {}", layout.chosen, layout.why)?;
+            for cost in &layout.costs {
+                write!(f, "  {:<8} voxels {:.2} MiB", cost.layout, mib(cost.voxel_bytes))?;
+                if let Some(slots) = cost.slots {
+                    write!(f, " ({slots} slots)")?;
+                }
+                if let Some(ns) = cost.sample_ns {
+                    write!(f, ", {ns:.1} ns a sample")?;
+                }
+                writeln!(f)?;
+            }
+        }
         writeln!(f, "\npasses")?;
         for pass in &self.passes {
             writeln!(

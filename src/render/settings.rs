@@ -26,6 +26,8 @@ pub struct Settings {
     /// By so many powers of two the integrator "adaptive" takes longer steps than its tolerance allows: for
     /// estimates of what they cost. Above 0 it changes the picture.
     pub steps_longer: u8,
+    /// Whether what shows nothing is left out: macrocells of a volume drawn directly, else bricks.
+    pub skipping: bool,
     /// How bricks are paged, where they are.
     pub paging: PagingSettings,
 }
@@ -59,6 +61,7 @@ impl Default for Settings {
             level_min: 0,
             level_shift: 0,
             steps_longer: 0,
+            skipping: true,
             paging: PagingSettings::default(),
         }
     }

@@ -1,7 +1,9 @@
 //! From a channel of the scene to the linear pieces that the shader chooses among.
 
+use crate::render::image_layout::TexelLayout;
 use crate::scene::{Channel, TransferFunction, TransferPoint};
 use crate::twins::transfer::TransferSegment;
+use crate::volume::sanitized;
 
 /// Pieces narrower than this count as jumps: f32 cannot hold their slope.
 const WIDTH_UNIT_MIN: f64 = 1e-12;
@@ -47,6 +49,52 @@ pub fn open_both_ends(segments: &mut Vec<TransferSegment>) {
         above.start[3] = above.start[3].max(0.0);
         segments.push(above);
     }
+}
+
+/// Where the window puts a stored value.
+pub(super) struct Windowed {
+    /// 0 to 1 within the window.
+    pub at: f64,
+    /// How far f32 arithmetic of filter and window may move it: a few units in the last place of what is
+    /// added up.
+    pub rounding: f64,
+}
+
+impl Windowed {
+    /// Of a stored value of a channel with these segments.
+    pub(super) fn of(value: f32, layout: &TexelLayout, segments: &[TransferSegment]) -> Windowed {
+        let first = &segments[0];
+        let texel = (f64::from(sanitized(value)) - layout.offset) / layout.scale;
+        let (scaled, offset) =
+            (texel * f64::from(first.window_scale), f64::from(first.window_offset));
+        let rounding = 4e-6 * (scaled.abs() + offset.abs()) + 1e-6;
+        Windowed { at: scaled + offset, rounding }
+    }
+}
+
+/// The segments that values between `from` and `to` meet, windowed and clamped, and the part of that range
+/// in each.
+pub(super) fn segments_between(
+    segments: &[TransferSegment],
+    from: f64,
+    to: f64,
+) -> impl Iterator<Item = (&TransferSegment, [f64; 2])> {
+    let (from, to) = (from.clamp(0.0, 1.0), to.clamp(0.0, 1.0));
+    segments.iter().enumerate().filter_map(move |(index, segment)| {
+        let begins = if index == 0 { 0.0 } else { f64::from(segment.begins_at) };
+        let next = segments.get(index + 1);
+        let ends = next.map_or(1.0, |next| f64::from(next.begins_at));
+        let (from, to) = (from.max(begins), to.min(ends));
+        (from <= to).then_some((segment, [from, to]))
+    })
+}
+
+/// Linear rgb and extinction of a segment at a windowed value.
+pub(super) fn value_at(segment: &TransferSegment, windowed: f64) -> [f64; 4] {
+    let along = windowed - f64::from(segment.begins_at);
+    std::array::from_fn(|part| {
+        f64::from(segment.start[part]) + f64::from(segment.slope[part]) * along
+    })
 }
 
 /// One segment for a channel whose every voxel has the stored value `value`.

@@ -24,6 +24,7 @@ use crate::error::{Error, Exit, Result};
 use crate::gpu::{Gpu, ShaderCompiler};
 use crate::render::{Addressing, Picture, Plan, Renderer, SceneData, Settings, Statistics};
 use crate::scene::{Filter, Integrator, Quality, Refine};
+use crate::study::layout_price;
 
 /// Rounding of f32 over some hundred samples, for colours up to 1.
 const ROUNDING: f32 = 2e-6;
@@ -242,7 +243,7 @@ impl Drawing<'_> {
     }
 
     fn draw(&mut self, data: &SceneData, settings: &Settings, what: &str) -> Result<Vec<Drawn>> {
-        let plan = Plan::new(self.gpu, self.compiler, data, settings)?;
+        let plan = layout_price::plan(self.gpu, self.compiler, data, settings)?;
         let mut renderer = Renderer::new(self.gpu, plan, data)?;
         let views = data.scene.views.len();
         (0..views)

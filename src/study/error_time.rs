@@ -19,10 +19,11 @@ use crate::error::{Error, Exit, Result};
 use crate::gpu::{Gpu, ShaderCompiler};
 use crate::reference::{self, Truth, VolumeLevel};
 use crate::render::paging::{BrickNumbers, LevelChoice, PagingSettings, ViewLevels};
-use crate::render::{Addressing, Plan, Renderer, SceneData, Settings, Statistics};
+use crate::render::{Addressing, Renderer, SceneData, Settings, Statistics};
 use crate::scene::Refine;
 use crate::study::figures::Figures;
 use crate::study::journal::{Entry, Journal, Subject};
+use crate::study::layout_price;
 use crate::study::reload::slots_of;
 use crate::study::repeated::{Spread, Timer};
 use crate::study::sweep::{Axes, Axis, Setting, settings};
@@ -341,7 +342,7 @@ impl<'a> Study<'a> {
             if addressing != "direct" {
                 // The one before gives its memory back first.
                 drop(renderer.take());
-                let plan = match Plan::new(self.gpu, self.compiler, &self.data, &work) {
+                let plan = match layout_price::plan(self.gpu, self.compiler, &self.data, &work) {
                     Err(Error { exit: Exit::Arguments | Exit::Input, message }) => {
                         return Ok(Outcome::Refused(message));
                     }
@@ -434,7 +435,7 @@ impl<'a> Study<'a> {
         let mut rounds: Vec<StreamingRound> = Vec::new();
         // The first time drivers compile; the second counts.
         let renderer = || -> Result<Renderer> {
-            Renderer::new(self.gpu, Plan::new(self.gpu, self.compiler, data, &work)?, data)
+            Renderer::new(self.gpu, layout_price::plan(self.gpu, self.compiler, data, &work)?, data)
         };
         match renderer().and_then(|mut renderer| renderer.draw(0, &mut |_| {})) {
             Err(Error { exit: Exit::Arguments | Exit::Input, message }) => {

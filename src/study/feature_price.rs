@@ -10,11 +10,12 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::{Gpu, ShaderCompiler};
-use crate::render::{Plan, Renderer, Statistics};
+use crate::render::Plan;
 use crate::study::ladder::{Extent, Feature, inventory, scene};
 use crate::study::repeated::{Spread, Timer};
+use crate::study::resident_frames::{ResidentScene, draw_in_turns};
 
 /// What a plan counts.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -101,45 +102,6 @@ pub struct FeatureTable {
     pub features: Vec<Row>,
 }
 
-/// One scene, ready to be drawn again and again.
-struct Way {
-    renderer: Renderer,
-    ms: Vec<f64>,
-    samples: u64,
-}
-
-impl Way {
-    /// Draws once, which brings everything to the device.
-    fn new(
-        gpu: &Arc<Gpu>,
-        compiler: &ShaderCompiler,
-        features: &[Feature],
-        extent: &Extent,
-    ) -> Result<Way> {
-        let (data, settings) = scene(features, extent)?;
-        let plan = Plan::new(gpu, compiler, &data, &settings)?;
-        let mut renderer = Renderer::new(gpu, plan, &data)?;
-        let (_, first) = renderer.draw(0, &mut |_| {})?;
-        match first.converged {
-            true => Ok(Way { renderer, ms: Vec::new(), samples: 0 }),
-            false => Err(not_resident()),
-        }
-    }
-
-    fn turn(&mut self, timer: Timer, counts: bool) -> Result<()> {
-        let ((_, statistics), took) = timer.time(|| self.renderer.draw(0, &mut |_| {}))?;
-        if self.renderer.plan().addressing == "paged" && statistics.bricks_uploaded > 0 {
-            return Err(not_resident());
-        }
-        self.samples = statistics.samples;
-        if counts {
-            let processor = timer.counts_processor();
-            self.ms.push(if processor { took.ms } else { device_ms(&statistics) });
-        }
-        Ok(())
-    }
-}
-
 /// Measures every feature; `progress` is told the finished part.
 ///
 /// # Errors
@@ -159,32 +121,29 @@ pub fn measure(
         done += 1.0;
         progress(done / steps);
     };
-    let mut ways = Vec::new();
+    let mut scenes = Vec::new();
     let without = Feature::ALL.map(Feature::all_without);
     for features in std::iter::once(&Feature::ALL[..]).chain(without.iter().map(Vec::as_slice)) {
-        ways.push(Way::new(gpu, compiler, features, extent)?);
+        let (data, settings) = scene(features, extent)?;
+        scenes.push(ResidentScene::new(gpu, compiler, &data, &settings)?.0);
         step();
     }
-    for turn in 0..=repeats {
-        for way in &mut ways {
-            way.turn(timer, turn > 0)?;
-            step();
-        }
-    }
-    let (fullest, others) = (&ways[0], &ways[1..]);
-    let names = inventory(fullest.renderer.plan());
-    let row = |((feature, left), way): ((Feature, &Vec<Feature>), &Way)| {
-        let left_names = inventory(way.renderer.plan());
+    draw_in_turns(&mut scenes, timer, repeats, step)?;
+    let (fullest, others) = (&scenes[0], &scenes[1..]);
+    let fullest_ms = fullest.frames_ms();
+    let names = inventory(fullest.plan());
+    let row = |((feature, left), other): ((Feature, &Vec<Feature>), &ResidentScene)| {
+        let left_names = inventory(other.plan());
         let went = |other: &Feature| *other != feature && !left.contains(other);
         Row {
             feature: feature.name(),
             and: Feature::ALL.into_iter().filter(went).map(Feature::name).collect(),
-            without: Counts::of(way.renderer.plan()),
+            without: Counts::of(other.plan()),
             gone: names.difference(&left_names).cloned().collect(),
             instead: left_names.difference(&names).cloned().collect(),
-            ms: Spread::of(&way.ms),
-            time_ratio: Spread::of_ratios(&fullest.ms, &way.ms),
-            samples: way.samples,
+            ms: Spread::of(&other.frames_ms()),
+            time_ratio: Spread::of_ratios(&fullest_ms, &other.frames_ms()),
+            samples: other.samples(),
         }
     };
     Ok(FeatureTable {
@@ -195,18 +154,9 @@ pub fn measure(
         payload: extent.payload,
         size: extent.size,
         repeats,
-        fullest: Counts::of(fullest.renderer.plan()),
-        fullest_ms: Spread::of(&fullest.ms),
-        fullest_samples: fullest.samples,
+        fullest: Counts::of(fullest.plan()),
+        fullest_ms: Spread::of(&fullest_ms),
+        fullest_samples: fullest.samples(),
         features: Feature::ALL.into_iter().zip(&without).zip(others).map(row).collect(),
     })
-}
-
-fn device_ms(statistics: &Statistics) -> f64 {
-    let passes = statistics.gpu_ms.iter().filter(|time| time.pass != "upload");
-    passes.map(|time| time.ms).sum()
-}
-
-fn not_resident() -> Error {
-    Error::machine("the device does not hold all bricks at once: lower --edge")
 }

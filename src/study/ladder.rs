@@ -146,7 +146,6 @@ pub fn scene(features: &[Feature], extent: &Extent) -> Result<(SceneData, Settin
     let whole = dense.voxels().clone();
     let data = SceneData::new(scene, vec![VolumeData::of_whole(Arc::new(dense), whole)])?;
     let paging = PagingSettings {
-        skipping: has(Feature::Skipping),
         copy_path: has(Feature::Placed).then_some(CopyPath::Placed),
         show_states: has(Feature::ShowStates),
         ..PagingSettings::default()
@@ -162,6 +161,7 @@ pub fn scene(features: &[Feature], extent: &Extent) -> Result<(SceneData, Settin
         // RGBA has no other, and a feature is not to change another's texels.
         layout: LayoutChoice::Only(Layout::Plain),
         addressing: if has(Feature::Paged) { Addressing::Paged } else { Addressing::Direct },
+        skipping: has(Feature::Skipping),
         paging,
         ..all
     };

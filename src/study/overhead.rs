@@ -11,13 +11,12 @@ use serde::Serialize;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, ShaderCompiler};
 use crate::render::paging::PagingSettings;
-use crate::render::{
-    Addressing, Layout, LayoutChoice, Picture, Plan, Renderer, SceneData, Settings, Statistics,
-};
+use crate::render::{Addressing, Layout, LayoutChoice, Picture, SceneData, Settings};
 use crate::scene::Overrides;
 use crate::study::bench_scenes;
 use crate::study::error_metrics::picture_error;
 use crate::study::repeated::{Spread, Timer};
+use crate::study::resident_frames::{ResidentScene, draw_in_turns};
 
 /// Below this both pictures do not show the same.
 const PSNR_DB_MIN: f64 = 90.0;
@@ -124,7 +123,7 @@ pub fn measure(
     progress: &mut dyn FnMut(f64),
 ) -> Result<OverheadTable> {
     let timer = Timer::of(gpu);
-    let steps = f64::from(effort.repeats + 1) * (SCENES.len() * FILTERS.len()) as f64;
+    let steps = f64::from(effort.repeats + 1) * (SCENES.len() * FILTERS.len() * 3) as f64;
     let mut done = 0.0;
     let mut step = || {
         done += 1.0;
@@ -139,12 +138,9 @@ pub fn measure(
                 ..Overrides::default()
             };
             let data = make(effort.edge, effort.payload, &overrides)?;
-            let mut turns = Turns::new(gpu, compiler, &data, layout, timer)?;
-            for turn in 0..=effort.repeats {
-                turns.turn(turn > 0)?;
-                step();
-            }
-            cases.push(turns.case(scene, filter, layout, goal));
+            let (mut ways, psnr_db) = ways(gpu, compiler, &data, layout)?;
+            draw_in_turns(&mut ways, timer, effort.repeats, &mut step)?;
+            cases.push(case(&ways, psnr_db, [scene, filter, layout.name()], goal));
         }
     }
     Ok(OverheadTable {
@@ -165,130 +161,69 @@ const DIRECT: usize = 0;
 const PAGED: usize = 1;
 const UNMARKED: usize = 2;
 
-/// Ways that take turns, so that what disturbs the machine disturbs all of them alike.
-struct Turns {
-    ways: [Renderer; 3],
-    timer: Timer,
-    first: Statistics,
-    last: Vec<Statistics>,
-    psnr_db: Option<f64>,
-    frame_ms: [Vec<f64>; 3],
-    device_ms: [Vec<f64>; 3],
-    march_ms: [Vec<f64>; 3],
-    management_ms: Vec<f64>,
-    uploaded: u64,
-}
-
-impl Turns {
-    /// Makes the ways and draws each once, which brings every brick to the device.
-    fn new(
-        gpu: &Arc<Gpu>,
-        compiler: &ShaderCompiler,
-        data: &SceneData,
-        layout: Layout,
-        timer: Timer,
-    ) -> Result<Turns> {
-        let renderer = |addressing, marks| {
-            let settings = Settings {
-                layout: LayoutChoice::Only(layout),
-                addressing,
-                // Against every sample: what the page table costs, and what it saves alone.
-                paging: PagingSettings {
-                    marks,
-                    skipping: addressing == Addressing::Paged,
-                    ..PagingSettings::default()
-                },
-                ..Settings::default()
-            };
-            Renderer::new(gpu, Plan::new(gpu, compiler, data, &settings.checked()?)?, data)
+/// The ways, drawn once each, and how far the paged picture is from the direct one.
+fn ways(
+    gpu: &Arc<Gpu>,
+    compiler: &ShaderCompiler,
+    data: &SceneData,
+    layout: Layout,
+) -> Result<([ResidentScene; 3], Option<f64>)> {
+    let way = |addressing, marks| {
+        let settings = Settings {
+            layout: LayoutChoice::Only(layout),
+            addressing,
+            // Against every sample: what the page table costs, and what it saves alone.
+            skipping: addressing == Addressing::Paged,
+            paging: PagingSettings { marks, ..PagingSettings::default() },
+            ..Settings::default()
         };
-        let mut ways = [
-            renderer(Addressing::Direct, true)?,
-            renderer(Addressing::Paged, true)?,
-            renderer(Addressing::Paged, false)?,
-        ];
-        let (direct, _) = ways[DIRECT].draw(0, &mut |_| {})?;
-        let (paged, first) = ways[PAGED].draw(0, &mut |_| {})?;
-        let (unmarked, other) = ways[UNMARKED].draw(0, &mut |_| {})?;
-        if !(first.converged && other.converged) {
-            return Err(not_resident());
-        }
-        if unmarked.pixels != paged.pixels {
-            return Err(Error::difference(
-                "the picture without marks differs from the one with them: report this",
-            ));
-        }
-        Ok(Turns {
-            ways,
-            timer,
-            first,
-            last: Vec::new(),
-            psnr_db: checked_psnr(&paged, &direct)?,
-            frame_ms: Default::default(),
-            device_ms: Default::default(),
-            march_ms: Default::default(),
-            management_ms: Vec::new(),
-            uploaded: 0,
-        })
+        ResidentScene::new(gpu, compiler, data, &settings.checked()?)
+    };
+    let (direct, direct_picture) = way(Addressing::Direct, true)?;
+    let (paged, paged_picture) = way(Addressing::Paged, true)?;
+    let (unmarked, unmarked_picture) = way(Addressing::Paged, false)?;
+    if unmarked_picture.pixels != paged_picture.pixels {
+        return Err(Error::difference(
+            "the picture without marks differs from the one with them: report this",
+        ));
     }
-
-    fn turn(&mut self, counts: bool) -> Result<()> {
-        self.last.clear();
-        for (index, way) in self.ways.iter_mut().enumerate() {
-            let ((_, statistics), took) = self.timer.time(|| way.draw(0, &mut |_| {}))?;
-            if index != DIRECT && statistics.bricks_uploaded > 0 {
-                return Err(not_resident());
-            }
-            if counts {
-                let device_ms = of_passes(&statistics, |pass| pass != "upload");
-                let processor = self.timer.counts_processor();
-                self.frame_ms[index].push(if processor { took.ms } else { device_ms });
-                self.device_ms[index].push(device_ms);
-                self.march_ms[index].push(of_passes(&statistics, |pass| MARCH.contains(&pass)));
-                if index == PAGED {
-                    let managing = of_passes(&statistics, |pass| MANAGEMENT.contains(&pass));
-                    self.management_ms.push(managing);
-                    self.uploaded += statistics.bricks_uploaded;
-                }
-            }
-            self.last.push(statistics);
-        }
-        Ok(())
-    }
-
-    fn case(self, scene: &'static str, filter: &'static str, layout: Layout, goal: f64) -> Case {
-        let marks = self.frame_ms[PAGED].iter().zip(&self.frame_ms[UNMARKED]);
-        let marks: Vec<f64> = marks.map(|(with, without)| (with - without) / with).collect();
-        Case {
-            scene,
-            filter,
-            layout: layout.name(),
-            direct_ms: Spread::of(&self.frame_ms[DIRECT]),
-            paged_ms: Spread::of(&self.frame_ms[PAGED]),
-            ratio: Spread::of_ratios(&self.frame_ms[PAGED], &self.frame_ms[DIRECT]),
-            ratio_goal: goal,
-            direct_march_ms: Spread::of(&self.march_ms[DIRECT]),
-            paged_march_ms: Spread::of(&self.march_ms[PAGED]),
-            march_ratio: Spread::of_ratios(&self.march_ms[PAGED], &self.march_ms[DIRECT]),
-            management_ms: Spread::of(&self.management_ms),
-            management_share: Spread::of_ratios(&self.management_ms, &self.device_ms[PAGED]),
-            marks_share: Spread::of(&marks),
-            psnr_db: self.psnr_db,
-            direct_samples: self.last[DIRECT].samples,
-            paged_samples: self.last[PAGED].samples,
-            bricks_resident: self.first.bricks_uploaded,
-            bricks_hidden: self.first.bricks_hidden,
-            bricks_uploaded: self.uploaded,
-        }
-    }
+    Ok(([direct, paged, unmarked], checked_psnr(&paged_picture, &direct_picture)?))
 }
 
-fn of_passes(statistics: &Statistics, wanted: impl Fn(&str) -> bool) -> f64 {
-    statistics.gpu_ms.iter().filter(|time| wanted(&time.pass)).map(|time| time.ms).sum()
-}
-
-fn not_resident() -> Error {
-    Error::machine("the device does not hold all bricks at once: lower --edge")
+fn case(
+    ways: &[ResidentScene; 3],
+    psnr_db: Option<f64>,
+    [scene, filter, layout]: [&'static str; 3],
+    ratio_goal: f64,
+) -> Case {
+    let frames_ms = ways.each_ref().map(ResidentScene::frames_ms);
+    let march_ms = ways.each_ref().map(|way| way.passes_ms(|pass| MARCH.contains(&pass)));
+    let paged = &ways[PAGED];
+    let device_ms = paged.passes_ms(|pass| pass != "upload");
+    let management_ms = paged.passes_ms(|pass| MANAGEMENT.contains(&pass));
+    let marks = frames_ms[PAGED].iter().zip(&frames_ms[UNMARKED]);
+    let marks: Vec<f64> = marks.map(|(with, without)| (with - without) / with).collect();
+    Case {
+        scene,
+        filter,
+        layout,
+        direct_ms: Spread::of(&frames_ms[DIRECT]),
+        paged_ms: Spread::of(&frames_ms[PAGED]),
+        ratio: Spread::of_ratios(&frames_ms[PAGED], &frames_ms[DIRECT]),
+        ratio_goal,
+        direct_march_ms: Spread::of(&march_ms[DIRECT]),
+        paged_march_ms: Spread::of(&march_ms[PAGED]),
+        march_ratio: Spread::of_ratios(&march_ms[PAGED], &march_ms[DIRECT]),
+        management_ms: Spread::of(&management_ms),
+        management_share: Spread::of_ratios(&management_ms, &device_ms),
+        marks_share: Spread::of(&marks),
+        psnr_db,
+        direct_samples: ways[DIRECT].samples(),
+        paged_samples: paged.samples(),
+        bricks_resident: paged.first.bricks_uploaded,
+        bricks_hidden: paged.first.bricks_hidden,
+        bricks_uploaded: paged.bricks_uploaded(),
+    }
 }
 
 fn checked_psnr(paged: &Picture, direct: &Picture) -> Result<Option<f64>> {

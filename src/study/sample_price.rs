@@ -170,10 +170,11 @@ fn sampler_filter(filter: FilterShape) -> SamplerFilter {
     }
 }
 
-struct Bench<'a> {
-    gpu: &'a Arc<Gpu>,
-    compiler: &'a ShaderCompiler,
-    effort: &'a Effort,
+/// Where something is measured, and how much.
+pub(super) struct Bench<'a> {
+    pub gpu: &'a Arc<Gpu>,
+    pub compiler: &'a ShaderCompiler,
+    pub effort: &'a Effort,
 }
 
 impl Bench<'_> {
@@ -181,11 +182,11 @@ impl Bench<'_> {
         self.gpu.facts().kind == "cpu" && Clock::start().elapsed().cpu_ns.is_some()
     }
 
-    fn noise(&self, format: VoxelFormat) -> Voxels {
+    pub fn noise(&self, format: VoxelFormat) -> Voxels {
         noise(format, self.effort.edge)
     }
 
-    fn image(&self, voxels: &Voxels, layout: Layout) -> Result<(Image, TexelLayout)> {
+    pub fn image(&self, voxels: &Voxels, layout: Layout) -> Result<(Image, TexelLayout)> {
         let range = ValueRange { least: 0.0, greatest: 1.0 };
         let texel = TexelLayout::of(voxels.format(), range, layout);
         Ok((filled_image(self.gpu, voxels, self.effort.edge, &texel)?, texel))
@@ -198,7 +199,8 @@ impl Bench<'_> {
         Ok(ns)
     }
 
-    fn probe<'b>(
+    /// Lines of samples of an image, a little aslant, as a camera's rays are; without one the loop alone.
+    pub fn probe<'b>(
         &'b self,
         shape: ProbeShape,
         probed: Option<(&'b Image, &'b Sampler)>,
@@ -208,7 +210,7 @@ impl Bench<'_> {
         let pipeline = ComputePipeline::new(self.gpu, shader)?;
         let sums = Buffer::new(self.gpu, &sums_spec(lines))?;
         let timestamps = Timestamps::new(self.gpu, RoleKind::Render, 1)?;
-        // Lines through the whole volume, a little aslant, as a camera's rays are.
+        // Through the whole volume.
         let (inner, across) = (edge as f32 - 2.0, lines as f32);
         let push = Push {
             origin_voxel: [0.3; 3],
@@ -265,7 +267,10 @@ impl Bench<'_> {
     /// Nanoseconds of one sample of each, one per repetition. Each runs once to warm up (drivers
     /// compile at the first dispatch); then they take turns, so that what disturbs the machine
     /// disturbs all of them alike.
-    fn in_turns<const N: usize>(&self, mut measured: [&mut Measured; N]) -> Result<[Vec<f64>; N]> {
+    pub fn in_turns<const N: usize>(
+        &self,
+        mut measured: [&mut Measured; N],
+    ) -> Result<[Vec<f64>; N]> {
         let processor = self.counts_processor();
         let mut ns = [const { Vec::new() }; N];
         for turn in 0..=self.effort.repeats {
@@ -286,7 +291,7 @@ impl Bench<'_> {
 }
 
 /// Something to measure: `run` returns the device's milliseconds.
-struct Measured<'b> {
+pub(super) struct Measured<'b> {
     samples: u64,
     run: Box<dyn FnMut() -> Result<f64> + 'b>,
 }

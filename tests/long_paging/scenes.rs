@@ -170,7 +170,6 @@ pub fn settings(chance: &mut Chance, patience: Duration) -> Settings {
         staging_bricks: chance.one(&[None, Some(1), Some(3), Some(16)]),
         loaders: Some(chance.between(1, 8)),
         copy_path: Some(chance.one(&[CopyPath::Straight, CopyPath::Placed])),
-        skipping: !chance.once_in(3),
         lockstep: chance.once_in(2),
         show_states: false,
         patience,
@@ -184,6 +183,7 @@ pub fn settings(chance: &mut Chance, patience: Duration) -> Settings {
         level_min: 0,
         level_shift: 0,
         steps_longer: 0,
+        skipping: !chance.once_in(3),
         paging,
     }
 }

@@ -31,7 +31,6 @@ fn ways() -> [Settings; 5] {
     });
     let unskipped = paged(|paging| {
         paging.atlas_slots = Some(64);
-        paging.skipping = false;
         paging.loaders = Some(1);
     });
     let roomy = paged(|paging| paging.lockstep = false);
@@ -39,7 +38,7 @@ fn ways() -> [Settings; 5] {
         slots(8),
         Settings { steps_per_dispatch: 32, ..crowded },
         Settings { tile: [40, 24], ..placed },
-        unskipped,
+        Settings { skipping: false, ..unskipped },
         roomy,
     ]
 }

@@ -39,13 +39,13 @@ fn choices(row: usize) -> (SizeOf, Settings) {
         paging.staging_bricks = column(4).then_some(1);
         paging.loaders = Some(if column(8) { 1 } else { 8 });
         paging.copy_path = Some(if column(12) { CopyPath::Placed } else { CopyPath::Straight });
-        paging.skipping = !column(5);
         paging.lockstep = !column(9);
     });
     let layout = LayoutChoice::Only(if column(6) { Layout::Quads } else { Layout::Plain });
     let tile = if column(10) { [48, 40] } else { settings.tile };
     let steps_per_dispatch = if column(7) { 64 } else { settings.steps_per_dispatch };
-    (atlas, Settings { layout, tile, steps_per_dispatch, ..settings })
+    let skipping = !column(5);
+    (atlas, Settings { layout, skipping, tile, steps_per_dispatch, ..settings })
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -169,7 +169,7 @@ fn every_two_choices_meet_in_a_row() {
                 usize::from(paging.staging_bricks.is_some()),
                 usize::from(paging.loaders == Some(1)),
                 usize::from(paging.copy_path == Some(CopyPath::Placed)),
-                usize::from(paging.skipping),
+                usize::from(settings.skipping),
                 usize::from(paging.lockstep),
                 usize::from(settings.layout == LayoutChoice::Only(Layout::Quads)),
                 usize::from(settings.tile == [48, 40]),

@@ -2,9 +2,9 @@
 
 use clap::Args;
 
-use crate::cli::output::{print, print_json};
-use crate::cli::progress::Progress;
-use crate::cli::scene_flags::{DeviceFlags, pixels, shader_compiler};
+use crate::cli::measuring::MeasuringFlags;
+use crate::cli::output::print;
+use crate::cli::scene_flags::pixels;
 use crate::error::Result;
 use crate::study::feature_price::{Counts, FeatureTable, measure};
 use crate::study::ladder::Extent;
@@ -39,26 +39,20 @@ pub struct Arguments {
     /// Turns of which the median counts; one more warms up.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     repeats: u32,
-    /// Print one JSON object instead of a table.
-    #[arg(long)]
-    json: bool,
     #[command(flatten)]
-    device: DeviceFlags,
+    measuring: MeasuringFlags,
 }
 
 /// Measures and prints.
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let gpu = arguments.device.open()?;
     let Arguments { edge, payload, size, repeats, .. } = *arguments;
-    let progress = Progress::start("bench features");
     let extent = Extent { edge, payload, size };
-    let mut tell = |part| progress.set(part);
-    let table = measure(&gpu, &shader_compiler(), &extent, repeats, &mut tell)?;
-    drop(progress);
-    if arguments.json {
-        return print_json(&table);
-    }
-    describe(&table)
+    arguments.measuring.measure_under_bar(
+        "bench features",
+        |gpu, compiler, progress| measure(gpu, compiler, &extent, repeats, progress),
+        describe,
+    )?;
+    Ok(())
 }
 
 fn describe(table: &FeatureTable) -> Result<()> {

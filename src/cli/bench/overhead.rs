@@ -2,9 +2,9 @@
 
 use clap::Args;
 
-use crate::cli::output::{print, print_json};
-use crate::cli::progress::Progress;
-use crate::cli::scene_flags::{DeviceFlags, pixels, shader_compiler};
+use crate::cli::measuring::MeasuringFlags;
+use crate::cli::output::print;
+use crate::cli::scene_flags::pixels;
 use crate::error::Result;
 use crate::study::overhead::{Effort, OverheadTable, measure};
 
@@ -35,25 +35,20 @@ pub struct Arguments {
     /// Turns of which the median counts; one more warms up.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     repeats: u32,
-    /// Print one JSON object instead of a table.
-    #[arg(long)]
-    json: bool,
     #[command(flatten)]
-    device: DeviceFlags,
+    measuring: MeasuringFlags,
 }
 
 /// Measures and prints.
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let gpu = arguments.device.open()?;
     let Arguments { edge, payload, size, repeats, .. } = *arguments;
-    let progress = Progress::start("bench overhead");
     let effort = Effort { edge, payload, size, repeats };
-    let table = measure(&gpu, &shader_compiler(), &effort, &mut |part| progress.set(part))?;
-    drop(progress);
-    if arguments.json {
-        return print_json(&table);
-    }
-    describe(&table)
+    arguments.measuring.measure_under_bar(
+        "bench overhead",
+        |gpu, compiler, progress| measure(gpu, compiler, &effort, progress),
+        describe,
+    )?;
+    Ok(())
 }
 
 fn describe(table: &OverheadTable) -> Result<()> {

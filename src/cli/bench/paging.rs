@@ -1,13 +1,13 @@
 //! `ashfall bench paging`: how often bricks are loaded again, against the size of the atlas.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
 use crate::cli::load::load_scene;
-use crate::cli::output::{print, print_json};
-use crate::cli::progress::Progress;
-use crate::cli::scene_flags::{DeviceFlags, pixels, shader_compiler};
+use crate::cli::measuring::MeasuringFlags;
+use crate::cli::output::{make_folder, print, write};
+use crate::cli::scene_flags::pixels;
 use crate::error::{Error, Exit, Result};
 use crate::render::paging::LoadOrder;
 use crate::scene::Overrides;
@@ -58,11 +58,8 @@ pub struct Arguments {
     /// Also write paging.csv and paging.svg into this folder, which is made.
     #[arg(short, value_name = "DIR")]
     output: Option<PathBuf>,
-    /// Print one JSON object instead of a table.
-    #[arg(long)]
-    json: bool,
     #[command(flatten)]
-    device: DeviceFlags,
+    measuring: MeasuringFlags,
 }
 
 /// Slots of an atlas; nothing: all.
@@ -73,27 +70,25 @@ struct Slots(Option<u32>);
 pub fn run(arguments: &Arguments) -> Result<()> {
     let cases = cases(arguments)?;
     if let Some(folder) = &arguments.output {
-        std::fs::create_dir_all(folder).map_err(|why| disk(folder, &why))?;
+        make_folder(folder)?;
     }
-    let gpu = arguments.device.open()?;
     let effort = Effort {
         slots: arguments.slots.iter().map(|slots| slots.0).collect(),
         orders: arguments.order.clone(),
         repeats: arguments.repeats,
     };
-    let progress = Progress::start("bench paging");
-    let compiler = shader_compiler();
-    let table = measure(&gpu, &compiler, &cases, &effort, &mut |part| progress.set(part))?;
-    drop(progress);
-    if let Some(folder) = &arguments.output {
-        write(&folder.join("paging.csv"), &csv(&table))?;
-        write(&folder.join("paging.svg"), &chart(&table))?;
-    }
-    if arguments.json {
-        print_json(&table)?;
-    } else {
-        describe(&table)?;
-    }
+    let table = arguments.measuring.measure_under_bar(
+        "bench paging",
+        |gpu, compiler, progress| {
+            let table = measure(gpu, compiler, &cases, &effort, progress)?;
+            if let Some(folder) = &arguments.output {
+                write(&folder.join("paging.csv"), &csv(&table))?;
+                write(&folder.join("paging.svg"), &chart(&table))?;
+            }
+            Ok(table)
+        },
+        describe,
+    )?;
     unless_unended(&table)
 }
 
@@ -212,14 +207,6 @@ fn unless_unended(table: &ReloadTable) -> Result<()> {
             ),
         }),
     }
-}
-
-fn write(path: &Path, text: &str) -> Result<()> {
-    std::fs::write(path, text).map_err(|why| disk(path, &why))
-}
-
-fn disk(path: &Path, why: &std::io::Error) -> Error {
-    Error::machine(format!("{}: cannot be written: {why}; choose another -o", path.display()))
 }
 
 fn slots(text: &str) -> std::result::Result<Slots, String> {

@@ -2,9 +2,8 @@
 
 use clap::Args;
 
-use crate::cli::output::{print, print_json};
-use crate::cli::progress::Progress;
-use crate::cli::scene_flags::{DeviceFlags, shader_compiler};
+use crate::cli::measuring::MeasuringFlags;
+use crate::cli::output::print;
 use crate::error::Result;
 use crate::study::sample_price::{Effort, PriceTable, measure};
 
@@ -12,27 +11,22 @@ use crate::study::sample_price::{Effort, PriceTable, measure};
 /// with its greatest error; and the caster's own price beside the bare ones.
 #[derive(Args)]
 pub struct Arguments {
-    /// Print one JSON object instead of a table.
-    #[arg(long)]
-    json: bool,
     /// A small run, to see that it works; its figures mean little.
     #[arg(long)]
     small: bool,
     #[command(flatten)]
-    device: DeviceFlags,
+    measuring: MeasuringFlags,
 }
 
 /// Measures and prints.
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let gpu = arguments.device.open()?;
     let effort = if arguments.small { Effort::SMALL } else { Effort::FULL };
-    let progress = Progress::start("bench sample");
-    let table = measure(&gpu, &shader_compiler(), &effort, &mut |part| progress.set(part))?;
-    drop(progress);
-    if arguments.json {
-        return print_json(&table);
-    }
-    describe(&table)
+    arguments.measuring.measure_under_bar(
+        "bench sample",
+        |gpu, compiler, progress| measure(gpu, compiler, &effort, progress),
+        describe,
+    )?;
+    Ok(())
 }
 
 fn describe(table: &PriceTable) -> Result<()> {

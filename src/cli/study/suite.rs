@@ -1,14 +1,16 @@
 //! `ashfall study --suite stability`: whether scenes at the edges of what numbers allow hold.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
 
-use crate::cli::output::{print, print_json, write_json};
+use crate::cli::measuring::MeasuringFlags;
+use crate::cli::output::{make_folder, print, write, write_json};
 use crate::cli::progress;
-use crate::cli::scene_flags::{DeviceFlags, shader_compiler};
-use crate::cli::study::{disk, write};
-use crate::error::{Error, Exit, Result};
+use crate::cli::scene_flags::shader_compiler;
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
 use crate::study::stability::suite::{Choice, run as draw};
 
 /// Flags of a study of one scene, which a suite does not take.
@@ -49,12 +51,12 @@ pub(super) const OF_A_SCENE: [&str; 46] = [
     "tile",
     "steps_per_dispatch",
     "layout",
+    "no_skipping",
     "addressing",
     "atlas_slots",
     "staging_bricks",
     "loaders",
     "copy_path",
-    "no_skipping",
     "lockstep",
     "free_running",
     "show_states",
@@ -118,8 +120,7 @@ pub fn run(
     flags: &Flags,
     integrators: Vec<&'static str>,
     folder: Option<&Path>,
-    json: bool,
-    device: &DeviceFlags,
+    measuring: &MeasuringFlags,
 ) -> Result<()> {
     let factor = flags.bound_factor;
     if !(factor.is_finite() && factor > 0.0) {
@@ -130,29 +131,22 @@ pub fn run(
     let choice = Choice { themes: flags.theme.clone(), cases: flags.case.clone(), integrators };
     let draws = choice.draws()?;
     if let Some(folder) = folder {
-        std::fs::create_dir_all(folder).map_err(|why| disk(folder, &why))?;
+        make_folder(folder)?;
     }
-    let gpu = device.open()?;
-    let bar = progress::cases("stability");
-    bar.set_length(draws.len() as u64);
-    let table = draw(&gpu, &shader_compiler(), &draws, factor, &mut |done, key| {
-        bar.set_message(key.to_owned());
-        bar.set_position(done as u64);
-    });
-    bar.finish_and_clear();
-    let table = table?;
-    if let Some(folder) = folder {
-        write_json(&folder.join("stability.json"), &table)?;
-        write(&folder.join("stability.csv"), &table.csv())?;
-    }
-    if json {
-        print_json(&table)?;
-    } else {
-        print(table.text())?;
-    }
-    if let Some(first) = gpu.messages().first() {
-        let message = format!("validation spoke, first: {}", first.text);
-        return Err(Error { exit: Exit::Bug, message });
-    }
-    table.held()
+    let measured = |gpu: &Arc<Gpu>| {
+        let bar = progress::cases("stability");
+        bar.set_length(draws.len() as u64);
+        let table = draw(gpu, &shader_compiler(), &draws, factor, &mut |done, key| {
+            bar.set_message(key.to_owned());
+            bar.set_position(done as u64);
+        });
+        bar.finish_and_clear();
+        let table = table?;
+        if let Some(folder) = folder {
+            write_json(&folder.join("stability.json"), &table)?;
+            write(&folder.join("stability.csv"), &table.csv())?;
+        }
+        Ok(table)
+    };
+    measuring.measure(measured, |table| print(table.text()))?.held()
 }

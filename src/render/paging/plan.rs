@@ -9,19 +9,20 @@ use crate::passes::brick_shape::{AtlasShape, BrickShape};
 use crate::passes::cache_buffers::{RankOrder, RankShape};
 use crate::passes::march_shape::{ChannelShape, MacrocellUse, Shape};
 use crate::passes::{place, rays, resolve};
-use crate::render::image_layout::{Layout, LayoutChoice, TexelLayout};
+use crate::render::image_layout::{Layout, TexelLayout};
 use crate::render::paging::brick_numbers::{BrickNumbers, ChannelPlace};
 use crate::render::paging::host_cache::CONSTANTS_MAX;
 use crate::render::paging::placing::Placing;
 use crate::render::paging::settings::{CopyPath, LoadOrder};
 use crate::render::paging::view_levels::{LevelChoice, ViewLevels};
 use crate::render::paging::visibility::Judge;
+use crate::render::planned_layout::{LayoutMeter, PlannedLayout, choose, quads_possible};
 use crate::render::scene_data::SceneData;
 use crate::render::settings::Settings;
 use crate::render::transfer_segments::{open_both_ends, transfer_segments};
 use crate::residency::{AtlasLayout, AtlasPlan, ResidencyShape};
 use crate::scene::{Filter, Integrator, Quality, Refine};
-use crate::source::Description;
+use crate::source::{ChannelDescription, Description};
 use crate::twins::ray::{RayGeometry, RayState};
 use crate::twins::ray_block::RayBlock;
 use crate::twins::ray_setup::ViewRays;
@@ -46,6 +47,8 @@ pub struct PagingPlan {
     pub views: Vec<ViewLevels>,
     /// One per channel of the scene.
     pub layouts: Vec<TexelLayout>,
+    /// How that was chosen.
+    pub layout: PlannedLayout,
     /// By channel of the source.
     pub judges: HashMap<u16, Judge>,
     /// Transfer functions of all channels.
@@ -67,12 +70,17 @@ impl PagingPlan {
     ///
     /// # Errors
     /// Exit code 3 when `atlas_mib` holds too few slots or the volume has too many bricks.
-    pub fn new(gpu: &Gpu, data: &SceneData, settings: &Settings) -> Result<PagingPlan> {
+    pub fn new(
+        gpu: &Gpu,
+        data: &SceneData,
+        settings: &Settings,
+        meter: LayoutMeter,
+    ) -> Result<PagingPlan> {
         let scene = &data.scene;
         let (volume, source) = (&scene.volumes[0], &data.volumes[0]);
         let description = source.source.description();
         let (mut judges, mut segments) = (HashMap::new(), Vec::new());
-        let (texel_layouts, atlases) = fitting_atlases(gpu, data, settings)?;
+        let (texel_layouts, atlases, layout) = fitting_atlases(gpu, data, settings, meter)?;
         let mut shapes = Vec::new();
         let preintegrated = scene.quality.integrator == Integrator::Preintegrated;
         if scene.quality.integrator.has_tolerance() {
@@ -99,7 +107,7 @@ impl PagingPlan {
                 format: shown.format,
                 layout: *layout,
                 segments: judged,
-                skipping: settings.paging.skipping,
+                skipping: settings.skipping,
             };
             judges.insert(source.channels[judges.len()], judge);
             segments.extend(of_channel);
@@ -166,7 +174,7 @@ impl PagingPlan {
             ranks,
             several_levels: views.iter().any(ViewLevels::several),
             views: scene.views.len(),
-            skipping: settings.paging.skipping,
+            skipping: settings.skipping,
             show_states: settings.paging.show_states,
             marks: settings.paging.marks,
             payload: description.payload.to_array(),
@@ -184,6 +192,7 @@ impl PagingPlan {
             numbers,
             views,
             layouts: texel_layouts,
+            layout,
             judges,
             segments,
             residency,
@@ -289,44 +298,51 @@ fn check_spans(quality: &Quality, world_from_voxel: &WorldFromVoxel) -> Result<(
     )))
 }
 
-/// The texel layout of every channel, and the atlases in the layout that suits device and size.
+/// The texel layout of every channel, the atlases in the layout that suits device and size, and how that
+/// was chosen.
 fn fitting_atlases(
     gpu: &Gpu,
     data: &SceneData,
     settings: &Settings,
-) -> Result<(Vec<TexelLayout>, Atlases)> {
-    let scene = &data.scene;
+    meter: LayoutMeter,
+) -> Result<(Vec<TexelLayout>, Atlases, PlannedLayout)> {
     let source = &data.volumes[0];
-    let quads_possible = scene.quality.filter == Filter::Exact
-        && source.shown().all(|channel| channel.format != VoxelFormat::Rgba8);
-    if settings.layout == LayoutChoice::Only(Layout::Quads) && !quads_possible {
-        return Err(Error::arguments(
-            "--layout quads: needs filter \"exact\" and no RGBA channel: use --layout plain",
-        ));
-    }
-    let layouts = |kind| -> Vec<TexelLayout> {
-        source.shown().map(|channel| TexelLayout::of(channel.format, channel.range, kind)).collect()
+    let formats = || source.shown().map(|channel| channel.format);
+    let of_layout = |kind| -> Result<(Vec<TexelLayout>, Atlases)> {
+        let layout =
+            |channel: &ChannelDescription| TexelLayout::of(channel.format, channel.range, kind);
+        let layouts: Vec<TexelLayout> = source.shown().map(layout).collect();
+        let atlases = atlases_of(gpu, data, settings, &layouts)?;
+        Ok((layouts, atlases))
     };
-    let only_quads = settings.layout == LayoutChoice::Only(Layout::Quads);
-    let auto_quads = settings.layout == LayoutChoice::Auto && gpu.facts().kind == "cpu";
-    if quads_possible && (only_quads || auto_quads) {
-        let quads = layouts(Layout::Quads);
-        let atlases = atlases_of(gpu, data, settings, &quads);
-        let enough = |plan: &AtlasPlan| {
-            let slots = plan.layout.slot_count();
-            slots >= QUADS_SLOTS_MIN.min(plan.entry_count) || settings.paging.atlas_slots.is_some()
-        };
-        match atlases {
-            Ok(atlases) if only_quads || atlases.plans.iter().all(enough) => {
-                return Ok((quads, atlases));
-            }
-            Err(why) if only_quads => return Err(why),
-            _ => {}
-        }
-    }
-    let plain = layouts(Layout::Plain);
-    let atlases = atlases_of(gpu, data, settings, &plain)?;
-    Ok((plain, atlases))
+    let possible = quads_possible(settings.layout, data.scene.quality.filter, formats())?;
+    let plain = of_layout(Layout::Plain);
+    let quads = possible.then(|| of_layout(Layout::Quads));
+    let enough = |plan: &AtlasPlan| {
+        let slots = plan.layout.slot_count();
+        slots >= QUADS_SLOTS_MIN.min(plan.entry_count) || settings.paging.atlas_slots.is_some()
+    };
+    let unfit = match &quads {
+        None => Some("quads need filter \"exact\" and no RGBA channel".to_owned()),
+        Some(Ok((_, atlases))) if atlases.plans.iter().all(enough) => None,
+        Some(_) => Some(format!("atlas_mib holds fewer than {QUADS_SLOTS_MIN} bricks in quads")),
+    };
+    let widest = formats().max_by_key(|format| format.bytes());
+    let prices = || widest.map_or(Ok(None), meter);
+    let chosen = choose(settings.layout, unfit, gpu.facts().kind, prices)?;
+    let cost = |found: &Result<(Vec<TexelLayout>, Atlases)>| {
+        let (_, atlases) = found.as_ref().ok()?;
+        let bytes = |plan: &AtlasPlan| Image::memory_bytes(gpu, &plan.layout.spec);
+        let slots = |plan: &AtlasPlan| u64::from(plan.layout.slot_count());
+        let plans = || atlases.plans.iter();
+        Some((plans().map(bytes).sum(), Some(plans().map(slots).sum())))
+    };
+    let costs = [cost(&plain), quads.as_ref().and_then(cost)];
+    let (layouts, atlases) = match (chosen.layout, quads) {
+        (Layout::Quads, Some(quads)) => quads?,
+        _ => plain?,
+    };
+    Ok((layouts, atlases, chosen.planned(costs)))
 }
 
 fn atlases_of(

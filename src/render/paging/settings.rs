@@ -42,8 +42,6 @@ pub struct PagingSettings {
     pub loaders: Option<u32>,
     /// How voxels come into a slot; nothing: straight where copies into images are fast.
     pub copy_path: Option<CopyPath>,
-    /// Whether bricks that show nothing are left out.
-    pub skipping: bool,
     /// Whether a round waits for what it asked.
     pub lockstep: bool,
     /// Whether pictures are tinted by what rays met.
@@ -70,7 +68,6 @@ impl Default for PagingSettings {
             staging_bricks: None,
             loaders: None,
             copy_path: None,
-            skipping: true,
             lockstep: true,
             show_states: false,
             marks: true,

@@ -1,6 +1,7 @@
 //! What a brick shows under the transfer function: nothing, one value, or what its voxels say.
 
 use crate::render::image_layout::TexelLayout;
+use crate::render::transfer_segments::{Windowed, segments_between, value_at};
 use crate::source::BrickEntry;
 use crate::twins::transfer::{TransferSegment, classify};
 use crate::volume::{ValueRange, VoxelFormat, Voxels, sanitized};
@@ -65,28 +66,12 @@ impl Judge {
         if range.is_empty() {
             return true;
         }
-        let first = &self.segments[0];
-        let (scale, offset) = (f64::from(first.window_scale), f64::from(first.window_offset));
-        let ends = [range.least, range.greatest].map(|value| {
-            let texel = (f64::from(sanitized(value)) - self.layout.offset) / self.layout.scale;
-            // f32 arithmetic of filter and window: a few units in the last place of what is added up.
-            let margin = 4e-6 * ((texel * scale).abs() + offset.abs()) + 1e-6;
-            (texel * scale + offset, margin)
-        });
-        let least = ends.iter().map(|(at, margin)| at - margin).fold(f64::INFINITY, f64::min);
-        let greatest = ends.iter().map(|(at, margin)| at + margin).fold(-f64::INFINITY, f64::max);
-        let (least, greatest) = (least.clamp(0.0, 1.0), greatest.clamp(0.0, 1.0));
-        self.segments.iter().enumerate().all(|(index, segment)| {
-            let begins = if index == 0 { 0.0 } else { f64::from(segment.begins_at) };
-            let next = self.segments.get(index + 1);
-            let ends = next.map_or(1.0, |next| f64::from(next.begins_at));
-            let (from, to) = (least.max(begins), greatest.min(ends));
-            let extinction = |at: f64| {
-                let along = at - f64::from(segment.begins_at);
-                f64::from(segment.start[3]) + f64::from(segment.slope[3]) * along
-            };
-            from > to || (extinction(from) <= 0.0 && extinction(to) <= 0.0)
-        })
+        let ends = [range.least, range.greatest]
+            .map(|value| Windowed::of(value, &self.layout, &self.segments));
+        let least = ends.iter().map(|end| end.at - end.rounding).fold(f64::INFINITY, f64::min);
+        let greatest = ends.iter().map(|end| end.at + end.rounding).fold(-f64::INFINITY, f64::max);
+        segments_between(&self.segments, least, greatest)
+            .all(|(segment, ends)| ends.iter().all(|at| value_at(segment, *at)[3] <= 0.0))
     }
 }
 
