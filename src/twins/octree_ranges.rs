@@ -193,37 +193,79 @@ pub fn leaf_ranges(voxels: &Voxels, size: Size3, edges: [u32; 3]) -> Vec<ValueRa
 
 fn leaf_ranges_of<V: Voxel>(voxels: &[V], size: Size3, edges: [u32; 3]) -> Vec<ValueRange> {
     let apron = 2 * BRICK_APRON;
+    let stored = size.to_array().map(|edge| edge as usize);
     let payload = size.to_array().map(|edge| edge - apron);
-    let count = |axis: usize| payload[axis].div_ceil(edges[axis]);
-    let span = |axis: usize, leaf: u32| {
-        let start = leaf * edges[axis];
-        start..(start + edges[axis]).min(payload[axis]) + apron
+    let leaves: [usize; 3] = std::array::from_fn(|a| payload[a].div_ceil(edges[a]) as usize);
+    let span = |axis: usize, leaf: usize| {
+        let start = leaf as u32 * edges[axis];
+        start as usize..((start + edges[axis]).min(payload[axis]) + apron) as usize
     };
-    let mut ranges = Vec::with_capacity((count(0) * count(1) * count(2)) as usize);
-    for (z, y) in (0..count(2)).flat_map(|z| (0..count(1)).map(move |y| (z, y))) {
-        let first = ranges.len();
-        ranges.resize(first + count(0) as usize, ValueRange::EMPTY);
-        for (k, j) in span(2, z).flat_map(|k| span(1, y).map(move |j| (k, j))) {
-            let line = size.index(0, j, k);
-            for (x, range) in ranges[first..].iter_mut().enumerate() {
-                let xs = span(0, x as u32);
-                let part = &voxels[line + xs.start as usize..line + xs.end as usize];
-                *range = range.union(V::range(part));
-            }
+    let values: Vec<f32> = voxels.iter().map(|voxel| voxel.part(V::PARTS - 1) as f32).collect();
+    let mut ranges = Vec::with_capacity(leaves.iter().product());
+    // Axis by axis, longest runs first: planes, then lines, then voxels.
+    let plane_len = stored[0] * stored[1];
+    let mut plane = Extremes::of(plane_len);
+    let mut line = Extremes::of(stored[0]);
+    for z in 0..leaves[2] {
+        plane.clear();
+        for k in span(2, z) {
+            let of = &values[k * plane_len..][..plane_len];
+            plane.widen(of, of);
         }
-        for (x, range) in ranges[first..].iter_mut().enumerate() {
-            if range.least < range.greatest {
-                continue;
+        for y in 0..leaves[1] {
+            line.clear();
+            for j in span(1, y) {
+                let at = j * stored[0]..(j + 1) * stored[0];
+                line.widen(&plane.least[at.clone()], &plane.greatest[at]);
             }
-            let xs = span(0, x as u32);
-            let mut lines = span(2, z).flat_map(|k| span(1, y).map(move |j| (k, j)));
-            let voxel = |i: u32, j: u32, k: u32| voxels[size.index(i, j, k)];
-            let first = voxel(xs.start, span(1, y).start, span(2, z).start);
-            let differs = |(k, j): (u32, u32)| xs.clone().any(|i| voxel(i, j, k) != first);
-            if lines.any(differs) {
-                *range = not_one_value(*range);
+            for x in 0..leaves[0] {
+                let across = span(0, x);
+                let least =
+                    line.least[across.clone()].iter().copied().fold(f32::INFINITY, f32::min);
+                let greatest =
+                    line.greatest[across.clone()].iter().copied().fold(f32::NEG_INFINITY, f32::max);
+                let range = ValueRange { least, greatest };
+                let alike = || {
+                    let of =
+                        |i: usize, j: usize, k: usize| voxels[(k * stored[1] + j) * stored[0] + i];
+                    let first = of(across.start, span(1, y).start, span(2, z).start);
+                    span(2, z)
+                        .all(|k| span(1, y).all(|j| across.clone().all(|i| of(i, j, k) == first)))
+                };
+                ranges.push(if least == greatest && !alike() {
+                    not_one_value(range)
+                } else {
+                    range
+                });
             }
         }
     }
     ranges
+}
+
+/// Least and greatest values at each place of a plane or line.
+struct Extremes {
+    least: Vec<f32>,
+    greatest: Vec<f32>,
+}
+
+impl Extremes {
+    fn of(len: usize) -> Extremes {
+        Extremes { least: vec![0.0; len], greatest: vec![0.0; len] }
+    }
+
+    fn clear(&mut self) {
+        self.least.fill(f32::INFINITY);
+        self.greatest.fill(f32::NEG_INFINITY);
+    }
+
+    /// NaN changes nothing.
+    fn widen(&mut self, least: &[f32], greatest: &[f32]) {
+        for (place, value) in self.least.iter_mut().zip(least) {
+            *place = if *value < *place { *value } else { *place };
+        }
+        for (place, value) in self.greatest.iter_mut().zip(greatest) {
+            *place = if *value > *place { *value } else { *place };
+        }
+    }
 }

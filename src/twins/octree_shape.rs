@@ -55,7 +55,7 @@ impl Shape {
         let mut brick_shift = [0, 1, 2].map(|axis| {
             let edge = payload[axis];
             let halved =
-                |times: &u32| edge % (1 << times) == 0 && edge >> times >= wanted.leaf[axis];
+                |times: &u32| edge.is_multiple_of(1 << times) && edge >> times >= wanted.leaf[axis];
             (1..31).take_while(halved).last().unwrap_or(0)
         });
         let halvings: Vec<[u32; 3]> =
@@ -133,18 +133,16 @@ fn shifts(brick: [u32; 3], halvings: &[[u32; 3]], step: u32) -> Vec<[u32; 3]> {
         finer = finer.map(|shift| shift.saturating_sub(step));
         shifts.insert(0, finer);
     }
-    let of_level = |level: usize| -> [u32; 3] {
-        std::array::from_fn(|axis| brick[axis] + halvings[level][axis])
-    };
     let last = halvings.len() - 1;
-    for level in 1..=last {
+    for (level, halvings) in halvings.iter().enumerate().skip(1) {
+        let of_level: [u32; 3] = std::array::from_fn(|axis| brick[axis] + halvings[axis]);
         // Where a brick is hardly larger than a leaf, a level may need a tier of its own.
         let within = |shift: &[u32; 3]| {
-            let bounds = |axis: usize| halvings[level][axis]..=of_level(level)[axis];
-            (0..3).all(|axis| bounds(axis).contains(&shift[axis]))
+            (0..3).all(|axis| (halvings[axis]..=of_level[axis]).contains(&shift[axis]))
         };
-        if level as u32 % step == 0 || level == last || !shifts.iter().any(within) {
-            shifts.push(of_level(level));
+        let in_turn = (level as u32).is_multiple_of(step);
+        if in_turn || level == last || !shifts.iter().any(within) {
+            shifts.push(of_level);
         }
     }
     shifts

@@ -74,7 +74,8 @@ fn ranges_stop_at_the_first_tier_that_holds_them_already() {
 
 #[test]
 fn words_change_as_far_as_boxes_reach() {
-    for (fan_out, tiers) in [(2, 6), (4, 4)] {
+    // Two at a time, a box of 16 leaves is the largest of at most 32.
+    for (fan_out, tiers, edge) in [(2, 6, 32), (4, 3, 16)] {
         let shape = shape(fan_out);
         let mut ranges = Ranges::unknown(Coding::Unsigned, shape.nodes());
         let tree = &shape.trees[0];
@@ -97,12 +98,12 @@ fn words_change_as_far_as_boxes_reach() {
         };
         // A value that shows as little as the one before: nothing is sent.
         assert_eq!(update([0; 3], 50.0), (0, 0));
-        // The first that shows: the words of all leaves in the largest box around, 32 cubed.
-        assert_eq!(update([0; 3], 200.0), (32 * 32 * 32, tiers));
+        // The first that shows: the words of all leaves in the largest box around.
+        assert_eq!(update([0; 3], 200.0), (u64::pow(edge, 3), tiers));
         // One beside it: its own, where the boxes differ already.
         assert_eq!(update([1, 0, 0], 200.0), (1, 1));
         // Far from both: the leaves of what was one box of nothing.
-        let (sent, changed) = update([31, 31, 31], 200.0);
-        assert!(changed == tiers - 1 && sent == 16 * 16 * 16, "{sent} {changed}");
+        let far = update([edge as u32 - 1; 3], 200.0);
+        assert_eq!(far, (u64::pow(edge / u64::from(fan_out), 3), tiers - 1));
     }
 }

@@ -10,7 +10,7 @@ const EVENTS_BETWEEN: u64 = 400;
 
 pub fn run(seed: u64, steps: u64) -> State {
     let plan = PLANS[seed as usize % PLANS.len()];
-    let fan_out = if seed as usize / PLANS.len() % 2 == 0 { 2 } else { 4 };
+    let fan_out = [2, 4][seed as usize / PLANS.len() % 2];
     let world = World::new(plan, seed);
     let mut random = Random(seed);
     let mut state = State::new(&world, fan_out, &mut random);
