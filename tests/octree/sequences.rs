@@ -5,17 +5,16 @@ use crate::random::Random;
 use crate::state::State;
 use crate::world::{PLANS, World};
 
-/// Events between two comparisons with the model.
-const EVENTS_BETWEEN: u64 = 400;
-
 pub fn run(seed: u64, steps: u64) -> State {
     let plan = PLANS[seed as usize % PLANS.len()];
     let fan_out = [2, 4][seed as usize / PLANS.len() % 2];
     let world = World::new(plan, seed);
     let mut random = Random(seed);
     let mut state = State::new(&world, fan_out, &mut random);
+    // The model takes the square of the leaves.
+    let between = (state.shape.words() as u64).clamp(200, 2000);
     for step in 0..=steps {
-        if step % EVENTS_BETWEEN == 0 || step == steps {
+        if step % between == 0 || step == steps {
             differs(&world, &state).unwrap_or_else(|why| {
                 panic!("seed {seed}, fan-out {fan_out} of {plan:?}, step {step}: {why}")
             });
