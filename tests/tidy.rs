@@ -81,15 +81,8 @@ const ROOMS_OF_CRATES: &[(&str, &[&str])] =
 /// what the passes that manage the cache share. `octree*`: the residency octree, whose shaders are
 /// issue 14's next part.
 const PASSES_ALONE: &[&str] = &["brick_shape", "cache_buffers", "march_shape", "mod", "sources"];
-const TWINS_ALONE: &[&str] = &[
-    "mod",
-    "octree",
-    "octree_ranges",
-    "octree_resident",
-    "octree_shape",
-    "octree_walk",
-    "octree_words",
-];
+const TWINS_ALONE: &[&str] =
+    &["mod", "octree", "octree_ranges", "octree_shape", "octree_walk", "octree_words"];
 
 /// Files that may be longer than [`LINES_MAX`], and why.
 const LONG_FILES: &[(&str, &str)] = &[

@@ -1,4 +1,5 @@
-//! Which levels of a channel are resident around each brick: a bit per level and place.
+//! Which levels of a channel are resident around each brick, a bit per level and place; twin of
+//! `shaders/octree_resident.comp`.
 //!
 //! A place's own level and all coarser ones have one brick there, and its bit says whether that is mapped;
 //! a finer level's bit says whether any of its bricks in the box is. Nodes smaller than bricks have what
@@ -9,14 +10,19 @@
 //! - A coarser level's bit is that of the place's parent.
 //!
 //! # Source
-//! residency-octree-2023 section 5.3; there every leaf has a mask.
+//! residency-octree-2023 section 5.3; there every leaf has a mask. The shader goes through coarser levels
+//! one after another for all changes, the twin change by change: what follows is the same.
 
+use bytemuck::{Pod, Zeroable};
+
+use crate::twins::limits::CACHE_GROUP;
 use crate::twins::octree::Nodes;
 use crate::twins::octree_ranges::Work;
 use crate::twins::octree_shape::Shape;
 
 /// Bricks of one level, as numbers go: levels one after another, finest first, x fastest.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Places {
     /// Bricks along each axis.
     pub bricks: [u32; 3],
@@ -24,7 +30,42 @@ pub struct Places {
     pub first: u32,
     /// Halvings of level 0 that lead to the level, along each axis.
     pub halvings: [u32; 3],
+    /// Nothing.
+    pub unused_0: u32,
 }
+
+/// A brick that came or went.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct Change {
+    /// Which.
+    pub brick: [u32; 3],
+    /// Its level.
+    pub level: u32,
+    /// The channel's first word.
+    pub first_word: u32,
+    /// 1: it came; 0: it went.
+    pub there: u32,
+    /// Nothing.
+    pub unused_0: u32,
+    /// Nothing.
+    pub unused_1: u32,
+}
+
+/// Push constants.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct Push {
+    /// In the list.
+    pub first_change: u32,
+    /// At most [`CHANGES_MAX`].
+    pub change_count: u32,
+    /// Of the volume.
+    pub level_count: u32,
+}
+
+/// Changes of one dispatch: 32 a lane.
+pub const CHANGES_MAX: u32 = 32 * CACHE_GROUP;
 
 impl Places {
     /// Of every level.
@@ -32,7 +73,8 @@ impl Places {
         let mut first = 0;
         let of_level = |level: usize| {
             let bricks = shape.bricks(level);
-            let places = Places { bricks, first, halvings: shape.trees[level].halvings };
+            let halvings = shape.trees[level].halvings;
+            let places = Places { bricks, first, halvings, unused_0: 0 };
             first += bricks.iter().product::<u32>();
             places
         };
@@ -84,37 +126,16 @@ impl Resident {
         self.levels.fill(0);
     }
 
-    /// A brick has arrived. Upwards it stops at the first place that has the level already.
+    /// A brick has arrived.
     pub fn arrives(&mut self, level: usize, brick: [u32; 3], work: &mut Work) {
-        self.set_beneath(level, brick, true, work);
-        let mut at = brick;
-        for above in level + 1..self.places.len() {
-            at = self.parent(above, at);
-            let place = self.places[above].place(at);
-            work.looked_at += 1;
-            if self.levels[place] >> level & 1 == 1 {
-                break;
-            }
-            self.levels[place] |= 1 << level;
-            work.changed += 1;
-        }
+        let change = Change { brick, level: level as u32, there: 1, ..Change::default() };
+        octree_resident(&self.places, &mut self.levels, &[change], work);
     }
 
-    /// A brick was given up. Upwards it stops at the first place with another brick of the level.
+    /// A brick was given up.
     pub fn leaves(&mut self, level: usize, brick: [u32; 3], work: &mut Work) {
-        self.set_beneath(level, brick, false, work);
-        let mut at = brick;
-        for above in level + 1..self.places.len() {
-            at = self.parent(above, at);
-            let (this, finer) = (&self.places[above], &self.places[above - 1]);
-            let children = finer.bricks_in(this, Nodes::NONE.with(at));
-            work.looked_at += 1;
-            if children.each().any(|child| self.levels[finer.place(child)] >> level & 1 == 1) {
-                break;
-            }
-            self.levels[this.place(at)] &= !(1 << level);
-            work.changed += 1;
-        }
+        let change = Change { brick, level: level as u32, ..Change::default() };
+        octree_resident(&self.places, &mut self.levels, &[change], work);
     }
 
     /// Finest level at or above `level` that is resident around one of its bricks.
@@ -122,25 +143,37 @@ impl Resident {
         let bits = self.levels[self.places[level].place(brick)] >> level << level;
         (bits != 0).then(|| bits.trailing_zeros() as usize)
     }
+}
 
-    /// The brick of the next coarser level, `above`, around a brick.
-    fn parent(&self, above: usize, brick: [u32; 3]) -> [u32; 3] {
-        let halved =
-            |axis: usize| self.places[above].halvings[axis] - self.places[above - 1].halvings[axis];
-        std::array::from_fn(|axis| brick[axis] >> halved(axis))
-    }
-
-    fn set_beneath(&mut self, level: usize, brick: [u32; 3], there: bool, work: &mut Work) {
-        for finer in 0..=level {
-            let (to, from) = (self.places[finer], self.places[level]);
-            let bricks = to.bricks_in(&from, Nodes::NONE.with(brick));
-            work.looked_at += bricks.count();
-            for brick in bricks.each() {
-                let bits = &mut self.levels[to.place(brick)];
+/// Makes the words of all places around the changes right. Upwards it ends at the first place that has
+/// the level already, or still.
+pub fn octree_resident(places: &[Places], words: &mut [u32], changes: &[Change], work: &mut Work) {
+    for change in changes {
+        let level = change.level as usize;
+        let own = Nodes::NONE.with(change.brick);
+        for finer in &places[..=level] {
+            for brick in finer.bricks_in(&places[level], own).each() {
+                let bits = &mut words[change.first_word as usize + finer.place(brick)];
                 let before = *bits;
-                *bits = *bits & !(1 << level) | u32::from(there) << level;
+                *bits = *bits & !(1 << level) | change.there << level;
+                work.looked_at += 1;
                 work.changed += u64::from(*bits != before);
             }
+        }
+        for above in level + 1..places.len() {
+            let (this, finer) = (&places[above], &places[above - 1]);
+            let parent = this.bricks_in(&places[level], own);
+            let has = |child: [u32; 3]| {
+                words[change.first_word as usize + finer.place(child)] >> level & 1 == 1
+            };
+            let some = finer.bricks_in(this, parent).each().any(has);
+            let bits = &mut words[change.first_word as usize + this.place(parent.start)];
+            work.looked_at += 1;
+            if *bits >> level & 1 == u32::from(some) {
+                break;
+            }
+            *bits ^= 1 << level;
+            work.changed += 1;
         }
     }
 }
