@@ -159,6 +159,11 @@ impl Tier {
     pub fn index(&self, [x, y, z]: [u32; 3]) -> u32 {
         (z * self.nodes[1] + y) * self.nodes[0] + x
     }
+
+    /// The node of a coarser tier around a node.
+    pub fn ancestor(&self, tier: &Tier, node: [u32; 3]) -> [u32; 3] {
+        std::array::from_fn(|axis| node[axis] >> (tier.shift[axis] - self.shift[axis]))
+    }
 }
 
 impl Tree {
@@ -207,7 +212,6 @@ pub fn here(leaf: [u32; 3], tiers: &[Tier], tree: &Tree, words: &[u32], voxel: [
     let node = node_of_voxel(leaf, tree, lowest, voxel);
     let word = words[(tree.first_word + lowest.index(node)) as usize];
     let tier = &tiers[(tree.tier + (word >> RISE_SHIFT)) as usize];
-    let above = std::array::from_fn(|axis| node[axis] >> (tier.shift[axis] - lowest.shift[axis]));
-    let (first, edge) = box_of_node(leaf, tree, tier, above);
+    let (first, edge) = box_of_node(leaf, tree, tier, lowest.ancestor(tier, node));
     Here { shows: word & SHOWS, one_value: word & ONE_VALUE != 0, first, edge }
 }

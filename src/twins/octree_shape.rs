@@ -98,6 +98,14 @@ impl Shape {
         &self.tiers[tree.tier as usize]
     }
 
+    /// Number of what is known, for the level `drawn`, of a node of the tier `index`: of the node around
+    /// it where that level's leaves are larger.
+    pub fn node_around(&self, drawn: usize, index: usize, node: [u32; 3]) -> usize {
+        let tree = &self.trees[drawn];
+        let tier = &self.tiers[index.max(tree.tier as usize)];
+        tree.number(tier, self.tiers[index].ancestor(tier, node))
+    }
+
     /// Voxels along the edges of a level's leaves.
     pub fn leaf_edges(&self, level: usize) -> [u32; 3] {
         let tree = &self.trees[level];

@@ -9,7 +9,8 @@
 
 use crate::twins::fixed_point::{Fixed3, fixed_advance, fixed_float, fixed_fraction};
 use crate::twins::limits::BLOCK_SAMPLES;
-use crate::twins::octree::here;
+use crate::twins::octree::{here, node_of_voxel};
+use crate::twins::octree_ranges::Ranges;
 use crate::twins::octree_resident::Resident;
 use crate::twins::octree_shape::Shape;
 
@@ -34,11 +35,13 @@ pub struct Channel<'a> {
     pub levels: [usize; 2],
 }
 
-/// What a run's samples are to one channel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What there is of one channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Has {
     /// It shows nothing: no brick is needed.
     Nothing,
+    /// This value, everywhere in the leaf; only the host knows which.
+    OneValue(f32),
     /// A brick of this level: the wanted one, or the finest coarser one that is resident, in which case
     /// the wanted one is wished for.
     Level(usize),
@@ -47,7 +50,7 @@ pub enum Has {
 }
 
 /// What becomes of a run.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Action {
     /// Nothing shows: crossed.
     Cross,
@@ -58,7 +61,7 @@ pub enum Action {
 }
 
 /// Samples that share a box.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Run {
     /// Number of the first sample.
     pub first: u32,
@@ -71,7 +74,6 @@ pub struct Run {
 /// All runs of a ray, and how many words were read for them.
 pub fn walk(shape: &Shape, words: &[u32], channels: &[Channel], ray: &Ray) -> (Vec<Run>, u32) {
     let tree = &shape.trees[ray.level];
-    let bricks = shape.bricks(ray.level);
     let step_voxel = fixed_float(ray.delta);
     let mut runs = Vec::new();
     let mut reads = 0;
@@ -98,15 +100,13 @@ pub fn walk(shape: &Shape, words: &[u32], channels: &[Channel], ray: &Ray) -> (V
                 (in_box, Action::OneValue(here.shows))
             } else {
                 let payload = shape.payload.map(|edge| edge as i32);
-                let brick: [i32; 3] = std::array::from_fn(|axis| {
-                    (voxel[axis].max(0) / payload[axis]).min(bricks[axis] as i32 - 1)
-                });
-                let first = std::array::from_fn(|axis| brick[axis] * payload[axis]);
+                let brick = brick_of_voxel(shape, ray.level, voxel);
+                let first = std::array::from_fn(|axis| brick[axis] as i32 * payload[axis]);
                 let in_brick = samples_in_box(position, step_voxel, relative(first), payload);
                 let has =
                     channels.iter().enumerate().map(|(at, channel)| match here.shows >> at & 1 {
                         0 => Has::Nothing,
-                        _ => has(shape, channel, ray.level, brick.map(|at| at as u32)),
+                        _ => has(shape, channel, ray.level, brick),
                     });
                 (in_box.min(in_brick), Action::Take(has.collect()))
             };
@@ -122,6 +122,37 @@ pub fn walk(shape: &Shape, words: &[u32], channels: &[Channel], ray: &Ray) -> (V
         next = anchor_sample + known;
     }
     (runs, reads)
+}
+
+/// What all channels have at a voxel, to rays of `level`; `ranges` are theirs.
+pub fn at_voxel(
+    shape: &Shape,
+    words: &[u32],
+    channels: &[Channel],
+    ranges: &[&Ranges],
+    (level, voxel): (usize, [i32; 3]),
+) -> Vec<Has> {
+    let tree = &shape.trees[level];
+    let here = here(shape.leaf, &shape.tiers, tree, words, voxel);
+    let leaf = node_of_voxel(shape.leaf, tree, shape.lowest(tree), voxel);
+    let of_channel = |(at, (channel, ranges)): (usize, (&Channel, &&Ranges))| {
+        if here.shows >> at & 1 == 0 {
+            return Has::Nothing;
+        }
+        let drawn = level.clamp(channel.levels[0], channel.levels[1]);
+        let range = ranges.get(shape.node_around(drawn, tree.tier as usize, leaf));
+        match range.least == range.greatest {
+            true => Has::OneValue(range.least),
+            false => has(shape, channel, level, brick_of_voxel(shape, level, voxel)),
+        }
+    };
+    channels.iter().zip(ranges).enumerate().map(of_channel).collect()
+}
+
+/// The brick of a level around a voxel of it.
+fn brick_of_voxel(shape: &Shape, level: usize, voxel: [i32; 3]) -> [u32; 3] {
+    let bricks = shape.bricks(level);
+    std::array::from_fn(|a| (voxel[a].max(0) as u32 / shape.payload[a]).min(bricks[a] - 1))
 }
 
 /// What a channel has around a brick of the ray's level.

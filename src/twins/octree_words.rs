@@ -9,9 +9,7 @@
 //! residency-octree-2023 section 6.1 and figure 8: the largest node in which all channels are empty. There
 //! rays look for it; here it is found when something changes.
 
-use crate::twins::octree::{
-    CHANNELS_MAX, DIFFERS, Nodes, ONE_VALUE, RISE_SHIFT, SHOWS, Tier, Tree,
-};
+use crate::twins::octree::{CHANNELS_MAX, DIFFERS, Nodes, ONE_VALUE, RISE_SHIFT, SHOWS, Tree};
 use crate::twins::octree_ranges::{Ranges, Work};
 use crate::twins::octree_shape::Shape;
 use crate::volume::ValueRange;
@@ -187,15 +185,11 @@ impl Words {
         let lowest = shape.lowest(tree);
         let same = |rise: &u32| {
             let tier = &shape.tiers[(tree.tier + rise) as usize];
-            self.of_node[tree.number(tier, ancestor(lowest, tier, leaf))] != DIFFERS
+            self.of_node[tree.number(tier, lowest.ancestor(tier, leaf))] != DIFFERS
         };
         let rise = (1..=tree.rise_max).take_while(same).last().unwrap_or(0);
         self.of_node[tree.number(lowest, leaf)] | rise << RISE_SHIFT
     }
-}
-
-fn ancestor(finer: &Tier, tier: &Tier, node: [u32; 3]) -> [u32; 3] {
-    std::array::from_fn(|axis| node[axis] >> (tier.shift[axis] - finer.shift[axis]))
 }
 
 /// The range of what a channel shows in a node of the tier `index` to rays of `level`; of the node around
@@ -207,10 +201,7 @@ fn range_in(
     index: usize,
     node: [u32; 3],
 ) -> ValueRange {
-    let tree = &shape.trees[channel.level(level)];
-    let own = index.max(tree.tier as usize);
-    let tier = &shape.tiers[own];
-    channel.ranges.get(tree.number(tier, ancestor(&shape.tiers[index], tier, node)))
+    channel.ranges.get(shape.node_around(channel.level(level), index, node))
 }
 
 fn word_of_leaf(shape: &Shape, channels: &[Shown], level: usize, leaf: [u32; 3]) -> u32 {

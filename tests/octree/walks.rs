@@ -3,7 +3,8 @@
 
 use ashfall::twins::fixed_point::Fixed3;
 use ashfall::twins::octree::{box_of_node, node_of_voxel};
-use ashfall::twins::octree_walk::{Action, Channel, Has, Ray, Run, walk};
+use ashfall::twins::octree_ranges::Ranges;
+use ashfall::twins::octree_walk::{Action, Channel, Has, Ray, Run, at_voxel, walk};
 use ashfall::volume::ValueRange;
 
 use crate::random::Random;
@@ -79,9 +80,9 @@ fn drawn(world: &World, state: &State, channel: usize, ray_level: usize) -> usiz
     ray_level.clamp(from, to)
 }
 
-pub fn walk_of(world: &World, state: &State, ray: &Ray) -> (Vec<Run>, u32) {
+fn channels_of<'a>(world: &World, state: &'a State) -> Vec<Channel<'a>> {
     let last = state.shape.trees.len() - 1;
-    let channels: Vec<Channel> = state
+    state
         .channels
         .iter()
         .zip(world.plan.channels)
@@ -89,8 +90,11 @@ pub fn walk_of(world: &World, state: &State, ray: &Ray) -> (Vec<Run>, u32) {
             resident: &channel.resident,
             levels: levels.map(|level| level.min(last)),
         })
-        .collect();
-    walk(&state.shape, &state.words.of_leaf, &channels, ray)
+        .collect()
+}
+
+pub fn walk_of(world: &World, state: &State, ray: &Ray) -> (Vec<Run>, u32) {
+    walk(&state.shape, &state.words.of_leaf, &channels_of(world, state), ray)
 }
 
 /// What is wrong with a ray's runs.
@@ -118,7 +122,7 @@ pub fn wrong(world: &World, state: &State, ray: &Ray, runs: &[Run]) -> Result<()
                     }
                     Action::Take(has) => match has[channel] {
                         Has::Nothing if visible => return Err(what()),
-                        Has::Nothing => {}
+                        Has::Nothing | Has::OneValue(_) => {}
                         Has::Level(level) => {
                             resident(world, state, (channel, ray), at, Some(level))?
                         }
@@ -249,6 +253,52 @@ fn both_fan_outs_take_the_same_samples() {
     }
     eprintln!("{compared} samples compared");
     assert!(compared > 20_000, "{compared}");
+}
+
+#[test]
+fn a_voxel_has_nothing_or_one_value_or_a_level_or_is_missing() {
+    let mut counts = [0; 4];
+    for seed in 0..18 {
+        let (world, states) = states(seed);
+        for state in &states {
+            let mut random = Random(3000 + seed);
+            let ranges: Vec<&Ranges> = state.channels.iter().map(|of| &of.ranges).collect();
+            for turn in 0..200 {
+                let level = turn % state.shape.trees.len();
+                let voxel = state.shape.sizes[level].map(|edge| random.below(edge.into()) as i32);
+                let channels = channels_of(&world, state);
+                let words = &state.words.of_leaf;
+                let got = at_voxel(&state.shape, words, &channels, &ranges, (level, voxel));
+                let at = voxel.map(f64::from);
+                for (channel, has) in got.iter().enumerate() {
+                    let value = value(&world, state, (channel, level), at);
+                    let intervals = &state.channels[channel].intervals;
+                    let visible = shows(intervals, ValueRange::of(value as f32));
+                    let ray = Ray { start: fixed(at), delta: fixed([0.0; 3]), samples: 1, level };
+                    let what = format!("seed {seed}, {voxel:?} of level {level}: {has:?}, {value}");
+                    match *has {
+                        Has::Nothing => assert!(value.is_nan() || !visible, "{what}"),
+                        Has::OneValue(one) => assert_eq!(f64::from(one), value, "{what}"),
+                        Has::Level(_) | Has::Missing => {
+                            let found =
+                                if let Has::Level(level) = has { Some(*level) } else { None };
+                            resident(&world, state, (channel, &ray), at, found)
+                                .unwrap_or_else(|why| panic!("{what}: {why}"));
+                        }
+                    }
+                    let kind = match has {
+                        Has::Nothing => 0,
+                        Has::OneValue(_) => 1,
+                        Has::Level(_) => 2,
+                        Has::Missing => 3,
+                    };
+                    counts[kind] += 1;
+                }
+            }
+        }
+    }
+    eprintln!("{counts:?}");
+    assert!(counts.iter().all(|count| *count > 50), "{counts:?}");
 }
 
 /// Channels that show, for each sample.
