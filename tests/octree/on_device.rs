@@ -36,9 +36,10 @@ impl Run {
     fn changes(&mut self, random: &mut Random) -> Vec<Change> {
         let mut changes = Vec::new();
         let mut met = std::collections::BTreeSet::new();
-        // More than one dispatch takes, now and then; and none.
-        let count = if random.once_in(20) { u64::from(CHANGES_MAX) + 90 } else { 150 };
-        for _ in 0..random.below(count) {
+        // Now and then more than one dispatch takes.
+        let many = random.once_in(10);
+        let count = if many { 2 * u64::from(CHANGES_MAX) } else { random.below(150) };
+        for _ in 0..count {
             let channel = random.below(CHANNELS.into()) as u32;
             let level = random.index(self.places.len()) as u32;
             // Coarse ones are few: once in four times any level, else the finest.
