@@ -14,10 +14,12 @@ use ashfall::passes::cache_buffers::{RankOrder, RankShape};
 use ashfall::passes::march_shape::{ChannelShape, FilterShape, MacrocellUse, Shape};
 use ashfall::passes::probe::{self, ProbeShape};
 use ashfall::passes::{
-    SOURCES, cast, choose, count, grant, march, place, publish, rays, resolve, scan, tally,
+    SOURCES, cast, choose, count, grant, march, octree_resident, place, publish, rays, resolve,
+    scan, tally,
 };
 use ashfall::twins;
 use ashfall::twins::cache::{Answer, CacheRound, Choice, ChunkCounts, Progress, Tallies};
+use ashfall::twins::octree_resident::{Change, Places};
 use ashfall::twins::place::Placement;
 use ashfall::twins::publish::Update;
 use ashfall::twins::ranks::LevelView;
@@ -164,6 +166,9 @@ fn push(shader: &str) -> Host {
             atlas,
             live_max,
         }),
+        "octree_resident" => {
+            host!(twins::octree_resident::Push { first_change, change_count, level_count })
+        }
         "march" => host!(march::Push { tile_size_pixel, blocks_max, early_stop }),
         "resolve" => host!(resolve::Push { background, unused_0, tile_size_pixel }),
         other => panic!("{other}.comp is new: say here which struct its push constants are"),
@@ -190,6 +195,8 @@ fn elements(buffer: &str) -> Option<Host> {
         "ray_block" => {
             Some(host!(RayBlock { color, depth, transmitted, sample_index, level, met }))
         }
+        "places_of_levels" => Some(host!(Places { bricks, first, halvings, unused_0 })),
+        "changes" => Some(host!(Change { brick, level, first_word, there, unused_0, unused_1 })),
         "placements" => Some(host!(Placement { start, first_word, size, unused_0 })),
         "updates" => Some(host!(Update { entry, value, slot, owner })),
         "answers" => Some(host!(Answer {
@@ -215,7 +222,8 @@ fn elements(buffer: &str) -> Option<Host> {
         // Plain numbers: one u32 each, vec4 of a constant, entry and rank of a request.
         "page_table" | "slot_owner" | "slot_used" | "slot_needed" | "usage_order"
         | "usage_order_next" | "wished" | "wish_weight" | "touched" | "wishes_of_rank"
-        | "live_of_rank" | "upload" | "grants" | "requests" | "constants" | "ray_place" => None,
+        | "live_of_rank" | "upload" | "grants" | "requests" | "constants" | "ray_place"
+        | "resident" => None,
         // One struct, not an array: compared below.
         "progress" | "tallies" | "choice" => None,
         // Plain numbers: vec4 pixels, two counters, one sum a line.
@@ -389,6 +397,7 @@ fn all() -> Vec<(&'static str, Vec<Shader>)> {
         ("count", ranked(count::variant)),
         ("scan", vec![compiled(&scan::variant())]),
         ("grant", ranked(grant::variant)),
+        ("octree_resident", vec![compiled(&octree_resident::variant())]),
         ("rays", of_rays),
         ("march", march.collect()),
         ("resolve", vec![compiled(&resolve::variant()), compiled(&resolve::states_variant())]),
@@ -666,9 +675,11 @@ fn host_structs_lie_as_in_the_shaders() {
     }
     let wanted = [
         "Answer",
+        "Change",
         "ChunkCounts",
         "LevelView",
         "Placement",
+        "Places",
         "RayBlock",
         "RayGeometry",
         "RayState",

@@ -9,6 +9,7 @@ pub mod grant;
 pub mod march;
 pub mod march_bricks;
 pub mod march_shape;
+pub mod octree_resident;
 pub mod place;
 pub mod probe;
 pub mod publish;

@@ -27,6 +27,7 @@ pub static SOURCES: &ShaderSources = &[
     ("count.comp", include_str!("../../shaders/count.comp")),
     ("scan.comp", include_str!("../../shaders/scan.comp")),
     ("place.comp", include_str!("../../shaders/place.comp")),
+    ("octree_resident.comp", include_str!("../../shaders/octree_resident.comp")),
     ("grant.comp", include_str!("../../shaders/grant.comp")),
     ("common/brick_march.glsl", include_str!("../../shaders/common/brick_march.glsl")),
     ("common/cache.glsl", include_str!("../../shaders/common/cache.glsl")),

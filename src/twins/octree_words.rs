@@ -1,0 +1,219 @@
+//! From ranges to words: what shows under the transfer functions, for all channels of a scene at once,
+//! and how far up the box reaches in which the same shows.
+//!
+//! # Invariants
+//! - A leaf whose bit is not set shows nothing of the channel, whatever the sample in it.
+//! - Whatever lies in the box of a word has that word's channels.
+//!
+//! # Source
+//! residency-octree-2023 section 6.1 and figure 8: the largest node in which all channels are empty. There
+//! rays look for it; here it is found when something changes.
+
+use crate::twins::octree::{CHANNELS_MAX, DIFFERS, Nodes, ONE_VALUE, RISE_SHIFT, SHOWS, Tree};
+use crate::twins::octree_ranges::{Ranges, Work};
+use crate::twins::octree_shape::Shape;
+use crate::volume::ValueRange;
+
+/// What a node shows of one channel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Class {
+    /// Nothing.
+    Nothing,
+    /// One value everywhere, and it shows.
+    OneValue,
+    /// Something, or nothing is known.
+    Something,
+}
+
+/// The class of a range; `shows` says whether some value of a range does.
+pub fn class_of(range: ValueRange, shows: impl Fn(ValueRange) -> bool) -> Class {
+    if range.is_empty() || !shows(range) {
+        Class::Nothing
+    } else if range.least == range.greatest {
+        Class::OneValue
+    } else {
+        Class::Something
+    }
+}
+
+/// A channel that the scene shows.
+pub struct Shown<'a> {
+    /// Of its nodes.
+    pub ranges: &'a Ranges,
+    /// Whether some value of a range shows under its transfer function.
+    pub shows: &'a dyn Fn(ValueRange) -> bool,
+    /// Least and greatest level at which it is drawn.
+    pub levels: [usize; 2],
+}
+
+impl Shown<'_> {
+    /// The level of the channel where rays are in `level`.
+    pub fn level(&self, level: usize) -> usize {
+        level.clamp(self.levels[0], self.levels[1])
+    }
+}
+
+/// Words of all trees.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Words {
+    /// `[leaf]` of all trees: what rays read.
+    pub of_leaf: Vec<u32>,
+    /// `[node]` of all trees: what all leaves beneath have, without a rise, or [`DIFFERS`].
+    pub of_node: Vec<u32>,
+}
+
+impl Words {
+    /// Of `channels` channels of which nothing is known: all show.
+    ///
+    /// # Panics
+    /// When a word has no room for so many: our own bug, since scenes are checked.
+    pub fn unknown(shape: &Shape, channels: usize) -> Words {
+        assert!(channels <= CHANNELS_MAX as usize, "{channels} channels in a word");
+        let all = (1 << channels) - 1;
+        let mut words = Words { of_leaf: Vec::new(), of_node: vec![all; shape.nodes()] };
+        for tree in &shape.trees {
+            let word = all | tree.rise_max << RISE_SHIFT;
+            let leaves = Nodes::all(shape.lowest(tree)).count();
+            words.of_leaf.extend(std::iter::repeat_n(word, leaves as usize));
+        }
+        words
+    }
+
+    /// Makes words right again where ranges of leaves of `level` have changed, in the tree of every level
+    /// whose rays meet them, or where a transfer function has. Says how many words of leaves changed.
+    pub fn update(
+        &mut self,
+        shape: &Shape,
+        channels: &[Shown],
+        level: usize,
+        leaves: Nodes,
+        work: &mut Work,
+    ) -> u64 {
+        let from = shape.lowest(&shape.trees[level]);
+        let rays = (0..shape.trees.len())
+            .filter(|rays| channels.iter().any(|channel| channel.level(*rays) == level));
+        let mut changed = 0;
+        for rays in rays {
+            let to = shape.lowest(&shape.trees[rays]);
+            changed += self.update_tree(shape, channels, rays, leaves.in_tier(from, to), work);
+        }
+        changed
+    }
+
+    fn update_tree(
+        &mut self,
+        shape: &Shape,
+        channels: &[Shown],
+        level: usize,
+        leaves: Nodes,
+        work: &mut Work,
+    ) -> u64 {
+        let tree = &shape.trees[level];
+        let lowest = shape.lowest(tree);
+        let mut changed = Nodes::NONE;
+        work.looked_at += leaves.count();
+        for node in leaves.each() {
+            let word = word_of_leaf(shape, channels, level, node);
+            let place = &mut self.of_node[tree.number(lowest, node)];
+            if *place != word {
+                *place = word;
+                changed = changed.with(node);
+                work.changed += 1;
+            }
+        }
+        // Upwards while something changes; then every leaf under what has changed.
+        let mut stale = changed;
+        for index in tree.tier as usize + 1..=(tree.tier + tree.rise_max) as usize {
+            let [finer, tier] = [&shape.tiers[index - 1], &shape.tiers[index]];
+            let parents = changed.in_tier(finer, tier);
+            changed = Nodes::NONE;
+            work.looked_at += parents.count();
+            for parent in parents.each() {
+                let word = self.word_of_children(shape, channels, level, index, parent);
+                let place = &mut self.of_node[tree.number(tier, parent)];
+                if *place != word {
+                    *place = word;
+                    changed = changed.with(parent);
+                    work.changed += 1;
+                }
+            }
+            if changed.is_empty() {
+                break;
+            }
+            stale = stale.joined(changed.in_tier(tier, lowest));
+        }
+        let mut count = 0;
+        work.looked_at += stale.count();
+        for node in stale.each() {
+            let word = self.with_rise(shape, tree, node);
+            let place = &mut self.of_leaf[(tree.first_word + lowest.index(node)) as usize];
+            count += u64::from(*place != word);
+            *place = word;
+        }
+        count
+    }
+
+    /// Equal words of all children, and one value only where they share it.
+    fn word_of_children(
+        &self,
+        shape: &Shape,
+        channels: &[Shown],
+        level: usize,
+        index: usize,
+        parent: [u32; 3],
+    ) -> u32 {
+        let tree = &shape.trees[level];
+        let [finer, tier] = [&shape.tiers[index - 1], &shape.tiers[index]];
+        let children = Nodes::NONE.with(parent).in_tier(tier, finer);
+        let first = self.of_node[tree.number(finer, children.start)];
+        if first == DIFFERS
+            || children.each().any(|child| self.of_node[tree.number(finer, child)] != first)
+        {
+            return DIFFERS;
+        }
+        let shared = |channel: &Shown| {
+            let range = range_in(shape, channel, level, index, parent);
+            range.least == range.greatest
+        };
+        let mut shown = channels.iter().enumerate().filter(|(at, _)| first >> at & 1 == 1);
+        let one = first & ONE_VALUE == 0 || shown.all(|(_, channel)| shared(channel));
+        if one { first } else { DIFFERS }
+    }
+
+    /// A leaf's word as rays read it: risen to the largest node in which all leaves have the same.
+    fn with_rise(&self, shape: &Shape, tree: &Tree, leaf: [u32; 3]) -> u32 {
+        let lowest = shape.lowest(tree);
+        let same = |rise: &u32| {
+            let tier = &shape.tiers[(tree.tier + rise) as usize];
+            self.of_node[tree.number(tier, lowest.ancestor(tier, leaf))] != DIFFERS
+        };
+        let rise = (1..=tree.rise_max).take_while(same).last().unwrap_or(0);
+        self.of_node[tree.number(lowest, leaf)] | rise << RISE_SHIFT
+    }
+}
+
+/// The range of what a channel shows in a node of the tier `index` to rays of `level`; of the node around
+/// it where the channel's own leaves are larger.
+fn range_in(
+    shape: &Shape,
+    channel: &Shown,
+    level: usize,
+    index: usize,
+    node: [u32; 3],
+) -> ValueRange {
+    channel.ranges.get(shape.node_around(channel.level(level), index, node))
+}
+
+fn word_of_leaf(shape: &Shape, channels: &[Shown], level: usize, leaf: [u32; 3]) -> u32 {
+    let index = shape.trees[level].tier as usize;
+    let mut word = ONE_VALUE;
+    for (at, channel) in channels.iter().enumerate() {
+        match class_of(range_in(shape, channel, level, index, leaf), channel.shows) {
+            Class::Nothing => {}
+            Class::OneValue => word |= 1 << at,
+            Class::Something => word = (word | 1 << at) & !ONE_VALUE,
+        }
+    }
+    // Of nothing it is not said that it has one value.
+    if word & SHOWS == 0 { 0 } else { word }
+}
