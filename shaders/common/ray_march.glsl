@@ -18,7 +18,7 @@
 //          residency-octree-2023 section 6; blocks keep sums short and positions exact;
 //          PREINTEGRATED as common/preintegrate.glsl
 #include "common/fixed_point.glsl"
-#if defined(IMAGES) || defined(PREINTEGRATED)
+#ifdef IMAGES
 #include "common/filter.glsl"
 #endif
 #include "common/classify.glsl"
