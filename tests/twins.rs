@@ -19,6 +19,8 @@ mod probing;
 mod rays;
 #[path = "twins/scene.rs"]
 mod scene;
+#[path = "twins/spans.rs"]
+mod spans;
 #[path = "twins/texels.rs"]
 mod texels;
 #[path = "twins/uploads.rs"]

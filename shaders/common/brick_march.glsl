@@ -209,23 +209,38 @@ Found look_up(
 #endif
 
 #ifdef PREINTEGRATED
+#ifdef SUBSTITUTE
+#define WAY vec3 way_in = way / vec3(ivec3(1) << shift);
+#else
+#define WAY vec3 way_in = way;
+#endif
+#define POINT_AHEAD(NAME, rgb, constant) \
+    { \
+        along.value = has == HAS_SLOT ? along.value : constant; \
+        along.slope = has == HAS_SLOT ? along.slope : 0.0; \
+        along.low = has == HAS_SLOT ? along.low : constant; \
+        along.high = has == HAS_SLOT ? along.high : constant; \
+        NAME##_ahead = point_of(rgb, along, NAME##_window_scale, NAME##_window_offset); \
+        NAME##_ahead.unit = has == HAS_NOTHING ? NO_POINT : NAME##_ahead.unit; \
+    }
 #define SAMPLE_SCALAR(NAME, ATLAS, SEGMENTS) \
     { \
         CELL_AND_WITHIN(NAME) \
+        WAY \
         uint has = OF_RUN(has, NAME); \
-        float texel = filtered_scalar(atlases[ATLAS], corner, within); \
-        texel = has == HAS_SLOT ? texel : OF_RUN(texel.a, NAME); \
-        NAME##_ahead = point_of(vec3(1.0), texel, NAME##_window_scale, NAME##_window_offset); \
-        NAME##_ahead.a = has == HAS_NOTHING ? NO_POINT : NAME##_ahead.a; \
+        Along along = filtered_along(atlases[ATLAS], corner, within, way_in); \
+        POINT_AHEAD(NAME, vec3(1.0), OF_RUN(texel.a, NAME)) \
     }
 #define SAMPLE_RGBA(NAME, ATLAS, SEGMENTS) \
     { \
         CELL_AND_WITHIN(NAME) \
+        WAY \
         uint has = OF_RUN(has, NAME); \
-        vec4 texel = filtered(atlases[ATLAS], corner, within); \
-        texel = has == HAS_SLOT ? texel : OF_RUN(texel, NAME); \
-        NAME##_ahead = point_of(texel.rgb, texel.a, NAME##_window_scale, NAME##_window_offset); \
-        NAME##_ahead.a = has == HAS_NOTHING ? NO_POINT : NAME##_ahead.a; \
+        vec3 rgb; \
+        Along along = filtered_color_along(atlases[ATLAS], corner, within, way_in, rgb); \
+        vec4 constant = OF_RUN(texel, NAME); \
+        rgb = has == HAS_SLOT ? rgb : constant.rgb; \
+        POINT_AHEAD(NAME, rgb, constant.a) \
     }
 #else
 #define SAMPLE_SCALAR(NAME, ATLAS, SEGMENTS) \
@@ -350,9 +365,8 @@ void march_bricks(
         uint end = min(known, samples);
 #endif
 #ifdef PREINTEGRATED
+        vec3 way = 0.5 * step_voxel;  // from point to point
         uint phase = 0u;  // point of the sample: its start, middle, end
-        bool rests = false;
-        float length_world = 0.0;
 #endif
         while (sample_index < end) {
             bvec3 past = greaterThanEqual(uvec3(sample_index), run_end);
@@ -366,17 +380,16 @@ void march_bricks(
             vec3 within_cell = position - cell;
 #ifdef PREINTEGRATED
             SAMPLE_CHANNELS
-            bool pair_middle = phase == 1u;
-            bool pair_ends = phase == 2u;
-            length_world = pair_ends || rests ? 0.5 * geometry.step_world : 0.0;
-            rests = pair_ends;
+            // Before the second point there is no span.
+            float length_world = phase == 0u ? 0.0 : 0.5 * geometry.step_world;
             SPAN_SUM
             SPAN_CHANNELS
             SPAN_SUM_END
-            sample_index += pair_ends ? 1u : 0u;
+            bool ends = phase == 2u;
+            sample_index += ends ? 1u : 0u;
             // The end of a sample is the start of the next, where they are in one brick.
             bvec3 next_past = greaterThanEqual(uvec3(sample_index), run_end);
-            phase = pair_ends ? (next_past == past ? 1u : 0u) : phase + 1u;
+            phase = ends ? (next_past == past ? 1u : 0u) : phase + 1u;
 #else
             Medium medium = Medium(vec3(0.0), 0.0);
             SAMPLE_CHANNELS
@@ -384,15 +397,6 @@ void march_bricks(
             ++sample_index;
 #endif
         }
-#ifdef PREINTEGRATED
-        {
-            bool pair_middle = false;
-            bool pair_ends = false;
-            SPAN_SUM
-            SPAN_CHANNELS
-            SPAN_SUM_END
-        }
-#endif
 #ifdef SKIPPING
         sample_index = shown_to < known ? known : sample_index;
 #endif

@@ -5,8 +5,9 @@
 // variants as common/classify.glsl; who includes it defines MAY_BE_ABSENT: a point may be NaN, which says
 //          that nothing is there
 // source   pre-integrated classification (Engel, Kraus, Ertl 2001) by the function's own pieces: no
-//          tables and no differences of integrals. Values are first moved by a twelfth of their second
-//          difference, which takes away the chord's error where the value is curved
+//          tables and no differences of integrals. Values are first moved by a twelfth of the difference
+//          of their slopes, which takes away the chord's error where the value is curved (the trapezoid
+//          rule with its end correction: Hermite's cubic has that mean)
 
 // Windowed values are kept within this, so that differences stay finite.
 #define UNIT_MAX 1.0e30
@@ -25,49 +26,124 @@ Span no_span() {
     return Span(0.0, 0.0, 0.0, vec3(1.0));
 }
 
-// A point of a channel: its own colour, and the windowed value.
-vec4 point_of(vec3 rgb, float texel, float window_scale, float window_offset) {
-    float unit = clamp(texel * window_scale + window_offset, -UNIT_MAX, UNIT_MAX);
-#ifdef NAN_VOXELS
-    unit = is_nan(texel) ? NO_POINT : unit;
-#endif
-    return vec4(rgb, unit);
+// Values come with their slopes, of voxels that are fetched whatever the filter.
+// As filtered_along of src/twins/filter.rs has them.
+// What the trilinear value is like at a place.
+struct Along {
+    float value;
+    float slope;  // change of the value per way
+    float low;    // least and greatest voxel of the cell
+    float high;
+};
+
+// Of a cell's lower and upper voxels along z, each four: a voxel and its neighbours in x, y and xy.
+Along along_of(vec4 near, vec4 far, vec3 within, vec3 way) {
+    vec3 without = 1.0 - within;
+    precise vec2 near_rows = near.xz * without.x + near.yw * within.x;
+    precise vec2 far_rows = far.xz * without.x + far.yw * within.x;
+    precise float near_face = near_rows.x * without.y + near_rows.y * within.y;
+    precise float far_face = far_rows.x * without.y + far_rows.y * within.y;
+    precise float value = near_face * without.z + far_face * within.z;
+    precise vec2 near_x = near.yw - near.xz;
+    precise vec2 far_x = far.yw - far.xz;
+    precise float slope_x = (near_x.x * without.y + near_x.y * within.y) * without.z
+        + (far_x.x * without.y + far_x.y * within.y) * within.z;
+    precise float slope_y = (near_rows.y - near_rows.x) * without.z + (far_rows.y - far_rows.x) * within.z;
+    precise float slope_z = far_face - near_face;
+    precise float slope = slope_x * way.x + slope_y * way.y + slope_z * way.z;
+    vec4 least = min(near, far);
+    vec4 most = max(near, far);
+    float low = min(min(least.x, least.y), min(least.z, least.w));
+    float high = max(max(most.x, most.y), max(most.z, most.w));
+    return Along(value, slope, low, high);
 }
 
-Span span_between(vec4 from, vec4 to, float bend, float low, float high) {
+// Value, and its slope along `way` in voxels, of the cell whose lower corner is `corner`.
+#ifdef FILTER_QUADS
+Along filtered_along(sampler3D image, ivec3 corner, vec3 within, vec3 way) {
+    return along_of(
+        texelFetch(image, corner, 0), texelFetch(image, corner + ivec3(0, 0, 1), 0), within, way);
+}
+#else
+// Of colours: their alpha's, and the colour itself.
+Along filtered_color_along(sampler3D image, ivec3 corner, vec3 within, vec3 way, out vec3 rgb) {
+    vec4 x000 = texelFetch(image, corner, 0);
+    vec4 x100 = texelFetch(image, corner + ivec3(1, 0, 0), 0);
+    vec4 x010 = texelFetch(image, corner + ivec3(0, 1, 0), 0);
+    vec4 x110 = texelFetch(image, corner + ivec3(1, 1, 0), 0);
+    vec4 x001 = texelFetch(image, corner + ivec3(0, 0, 1), 0);
+    vec4 x101 = texelFetch(image, corner + ivec3(1, 0, 1), 0);
+    vec4 x011 = texelFetch(image, corner + ivec3(0, 1, 1), 0);
+    vec4 x111 = texelFetch(image, corner + ivec3(1, 1, 1), 0);
+    vec3 without = 1.0 - within;
+    vec3 x00 = x000.rgb * without.x + x100.rgb * within.x;
+    vec3 x10 = x010.rgb * without.x + x110.rgb * within.x;
+    vec3 x01 = x001.rgb * without.x + x101.rgb * within.x;
+    vec3 x11 = x011.rgb * without.x + x111.rgb * within.x;
+    rgb = (x00 * without.y + x10 * within.y) * without.z + (x01 * without.y + x11 * within.y) * within.z;
+    return along_of(
+        vec4(x000.a, x100.a, x010.a, x110.a), vec4(x001.a, x101.a, x011.a, x111.a), within, way);
+}
+Along filtered_along(sampler3D image, ivec3 corner, vec3 within, vec3 way) {
+    vec4 near = vec4(
+        texelFetch(image, corner, 0).r, texelFetch(image, corner + ivec3(1, 0, 0), 0).r,
+        texelFetch(image, corner + ivec3(0, 1, 0), 0).r, texelFetch(image, corner + ivec3(1, 1, 0), 0).r);
+    vec4 far = vec4(
+        texelFetch(image, corner + ivec3(0, 0, 1), 0).r, texelFetch(image, corner + ivec3(1, 0, 1), 0).r,
+        texelFetch(image, corner + ivec3(0, 1, 1), 0).r, texelFetch(image, corner + ivec3(1, 1, 1), 0).r);
+    return along_of(near, far, within, way);
+}
+#endif
+
+// A point of a channel.
+struct Point {
+    vec3 rgb;     // the voxels' own colour
+    float unit;   // windowed value, not clamped to the window
+    float slope;  // its change from point to point, as the cell around has it
+    float low;    // least and greatest of the cell's voxels, windowed
+    float high;
+};
+
+Point point_of(vec3 rgb, Along along, float window_scale, float window_offset) {
+    float unit = clamp(along.value * window_scale + window_offset, -UNIT_MAX, UNIT_MAX);
+#ifdef NAN_VOXELS
+    unit = is_nan(along.value) ? NO_POINT : unit;
+#endif
+    precise float slope = along.slope * window_scale;
+    float one = along.low * window_scale + window_offset;
+    float other = along.high * window_scale + window_offset;
+    float low = clamp(min(one, other), -UNIT_MAX, UNIT_MAX);
+    float high = clamp(max(one, other), -UNIT_MAX, UNIT_MAX);
+    // Differences of voxels may be beyond all numbers: judged by bits, as NaN would pass a comparison.
+    bool holds = (floatBitsToUint(slope) & 0x7fffffffu) < floatBitsToUint(UNIT_MAX);
+    return Point(rgb, unit, holds ? slope : 0.0, low, high);
+}
+
+// Between two points.
+Span span_between(Point from, Point to) {
+    precise float bend = (to.slope - from.slope) * (1.0 / 12.0);
+    // Within what the voxels around hold.
+    float low = min(from.low, to.low);
+    float high = max(from.high, to.high);
+    precise float moved_from = from.unit - bend;
+    precise float moved_to = to.unit - bend;
     Span span;
-    span.from = clamp(from.a - bend, low, high);
-    span.to = clamp(to.a - bend, low, high);
+    span.from = min(max(moved_from, low), high);
+    span.to = min(max(moved_to, low), high);
     span.share = 1.0;
     span.rgb = 0.5 * (from.rgb + to.rgb);
     if (MAY_BE_ABSENT) {
         // Beside a point that is not there, half a span has the other's value.
-        bool no_from = is_nan(from.a);
-        bool no_to = is_nan(to.a);
-        span.from = no_from ? to.a : span.from;
-        span.to = no_to ? from.a : span.to;
-        span.from = no_to ? span.to : span.from;
-        span.to = no_from ? span.from : span.to;
+        bool no_from = is_nan(from.unit);
+        bool no_to = is_nan(to.unit);
+        span.from = no_from ? to.unit : no_to ? from.unit : span.from;
+        span.to = no_to ? from.unit : no_from ? to.unit : span.to;
         span.share = (no_from ? 0.0 : 0.5) + (no_to ? 0.0 : 0.5);
         if (no_from && no_to) {
             span = no_span();
         }
     }
     return span;
-}
-
-// The two spans between three points at equal distances.
-void spans_of(vec4 start, vec4 middle, vec4 end, out Span first, out Span second) {
-    float bend = (start.a - middle.a - (middle.a - end.a)) * (1.0 / 12.0);
-    float low = min(min(start.a, middle.a), end.a);
-    float high = max(max(start.a, middle.a), end.a);
-    if (MAY_BE_ABSENT && (is_nan(start.a) || is_nan(middle.a) || is_nan(end.a))) {
-        bend = 0.0;
-        low = -UNIT_MAX;
-        high = UNIT_MAX;
-    }
-    first = span_between(start, middle, bend, low, high);
-    second = span_between(middle, end, bend, low, high);
 }
 
 // How a span lies among the pieces.
@@ -240,21 +316,15 @@ void composite_span(inout Block block, Composited sum) {
 
 // What a channel keeps from point to point.
 #define DECLARE_POINTS(NAME) \
-    vec4 NAME##_behind = vec4(0.0); \
-    vec4 NAME##_middle = vec4(0.0); \
-    vec4 NAME##_ahead = vec4(0.0); \
-    Span NAME##_rest = no_span();
+    Point NAME##_behind = Point(vec3(0.0), 0.0, 0.0, 0.0, 0.0); \
+    Point NAME##_ahead = NAME##_behind;
 
-// A channel's span: the first of two where three points are known, else the one left over.
+// A channel's span from the point before to this one.
 #define SPAN_SAMPLED(NAME, SEGMENTS) \
     { \
-        Span span = NAME##_rest; \
-        if (pair_ends) { \
-            spans_of(NAME##_behind, NAME##_middle, NAME##_ahead, span, NAME##_rest); \
-        } \
+        Span span = span_between(NAME##_behind, NAME##_ahead); \
         ADD_PIECES(NAME, SEGMENTS, span) \
-        NAME##_behind = pair_middle ? NAME##_behind : NAME##_ahead; \
-        NAME##_middle = pair_middle ? NAME##_ahead : NAME##_middle; \
+        NAME##_behind = NAME##_ahead; \
     }
 #define SPAN_CONSTANT(NAME, SEGMENTS) SPAN_OF_CONSTANT(NAME)
 #ifdef SEVERAL_CHANNELS

@@ -41,13 +41,14 @@ uniform sampler3D channels[IMAGES];
 #ifdef PREINTEGRATED
 #define SAMPLE_SCALAR(NAME, IMAGE, SEGMENTS) \
     { \
-        float texel = filtered_scalar(channels[IMAGE], corner, within); \
-        NAME##_ahead = point_of(vec3(1.0), texel, NAME##_window_scale, NAME##_window_offset); \
+        Along along = filtered_along(channels[IMAGE], corner, within, way); \
+        NAME##_ahead = point_of(vec3(1.0), along, NAME##_window_scale, NAME##_window_offset); \
     }
 #define SAMPLE_RGBA(NAME, IMAGE, SEGMENTS) \
     { \
-        vec4 texel = filtered(channels[IMAGE], corner, within); \
-        NAME##_ahead = point_of(texel.rgb, texel.a, NAME##_window_scale, NAME##_window_offset); \
+        vec3 rgb; \
+        Along along = filtered_color_along(channels[IMAGE], corner, within, way, rgb); \
+        NAME##_ahead = point_of(rgb, along, NAME##_window_scale, NAME##_window_offset); \
     }
 #else
 #define SAMPLE_SCALAR(NAME, IMAGE, SEGMENTS) \
@@ -137,9 +138,8 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
 #ifndef MACROCELLS
         uint shown = 0xffffffffu >> (32u - samples);
 #endif
+        vec3 way = 0.5 * step_voxel;  // from point to point
         uint phase = 0u;  // point of the sample: its start, middle, end
-        bool rests = false;
-        float length_world = 0.0;
         taken = 0u;
         while (shown != 0u) {
             uint index = uint(findLSB(shown));
@@ -173,19 +173,17 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
             ivec3 corner = anchor.cell + ivec3(cell) + 1;
 #ifdef PREINTEGRATED
             SAMPLE_CHANNELS
-            bool pair_middle = phase == 1u;
-            bool pair_ends = phase == 2u;
-            // Before the third point there is no span.
-            length_world = pair_ends || rests ? 0.5 * geometry.step_world : 0.0;
-            rests = pair_ends;
+            // Before the second point there is no span.
+            float length_world = phase == 0u ? 0.0 : 0.5 * geometry.step_world;
             SPAN_SUM
             SPAN_CHANNELS
             SPAN_SUM_END
             ++taken;
-            shown = pair_ends ? shown & (shown - 1u) : shown;
+            bool ends = phase == 2u;
+            shown = ends ? shown & (shown - 1u) : shown;
             // The end of a sample is the start of the next.
             bool next = (shown & (2u << index)) != 0u;
-            phase = pair_ends ? (next ? 1u : 0u) : phase + 1u;
+            phase = ends ? (next ? 1u : 0u) : phase + 1u;
 #else
             Medium medium = Medium(vec3(0.0), 0.0);
             SAMPLE_CHANNELS
@@ -204,16 +202,6 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
 #endif
 #endif
         }
-#ifdef PREINTEGRATED
-        {
-            bool pair_middle = false;
-            bool pair_ends = false;
-            length_world = rests ? 0.5 * geometry.step_world : 0.0;
-            SPAN_SUM
-            SPAN_CHANNELS
-            SPAN_SUM_END
-        }
-#endif
         join_block(state, block);
         state.samples_taken += taken;
         state.next_sample = min(geometry.sample_count, state.next_sample + skipped);

@@ -4,7 +4,7 @@
 use crate::twins::cache::Cache;
 use crate::twins::classify::{Block, Medium, join_block};
 use crate::twins::exponential::attenuate;
-use crate::twins::filter::{Texels, filtered};
+use crate::twins::filter::{Along, Texels, filtered, filtered_along};
 use crate::twins::fixed_point::{Fixed3, fixed_advance, fixed_float, fixed_fraction};
 use crate::twins::limits::{
     BLOCK_SAMPLES, ENTRY_ABSENT, ENTRY_CONSTANT, ENTRY_EXPECTED, ENTRY_FAILED, ENTRY_MAPPED,
@@ -186,6 +186,12 @@ pub fn march_bricks(
             let [texel] = filtered(&channel.atlas, corner, within, |texel| [texel]);
             texel
         };
+        let along = |channel: &Channel, found: &Found, origin: [i32; 3], steps: f32| {
+            let (corner, within) = cell_in_level(anchor.cell, at(steps), found.shift);
+            let corner = std::array::from_fn(|a| origin[a] + corner[a] + 1);
+            let way = std::array::from_fn(|a| 0.5 * step_voxel[a] / (1 << found.shift[a]) as f32);
+            filtered_along(&channel.atlas, corner, within, way, |texel| texel)
+        };
         for Run { first, end, found } in &runs {
             if scene.skipping && found.iter().all(|found| matches!(found.has, Has::Nothing)) {
                 sample_index = *end;
@@ -195,24 +201,28 @@ pub fn march_bricks(
             let channels = || scene.channels.iter().zip(found);
             if settings.preintegrated {
                 for index in *first..sample_index {
-                    let spans = channels().map(|(channel, found)| {
+                    let points = channels().map(|(channel, found)| {
                         let points = [0.0, 1.0, 2.0].map(|phase| match found.has {
                             Has::Nothing => Point::NONE,
-                            Has::Constant(texel) => Point::new([1.0; 3], texel, channel.segments),
+                            Has::Constant(texel) => {
+                                Point::new([1.0; 3], Along::still(texel), channel.segments)
+                            }
                             Has::Slot { origin } => {
                                 let steps = 0.5 * ((2 * index) as f32 + phase) - 0.5;
-                                let texel = texel(channel, found, origin, steps);
-                                Point::new([1.0; 3], texel, channel.segments)
+                                let along = along(channel, found, origin, steps);
+                                Point::new([1.0; 3], along, channel.segments)
                             }
                         });
-                        let [start, middle, end] = points;
-                        (Span::between_three(start, middle, end), channel.segments)
+                        (points, channel.segments)
                     });
-                    let spans: Vec<_> = spans.collect();
+                    let points: Vec<_> = points.collect();
                     for half in 0..2 {
-                        let contents: Vec<Content> = spans
+                        let contents: Vec<Content> = points
                             .iter()
-                            .map(|(spans, segments)| Content::Span(spans[half], segments))
+                            .map(|(points, segments)| {
+                                let span = Span::between(points[half], points[half + 1]);
+                                Content::Span(span, segments)
+                            })
                             .collect();
                         composite_span(&mut block, &contents, 0.5 * geometry.step_world);
                     }

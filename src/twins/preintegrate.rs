@@ -3,10 +3,12 @@
 //!
 //! Pre-integrated classification (Engel, Kraus, Ertl 2001) by the transfer function's own pieces: no
 //! tables and no differences of integrals, so that nothing cancels where both ends are nearly equal, and
-//! no piece is missed however narrow it is.
+//! no piece is missed however narrow it is. Slopes at the ends take away a chord's error where the value is
+//! curved: the trapezoid rule with its end correction.
 
 use crate::twins::classify::Block;
 use crate::twins::exponential::attenuate_bounded;
+use crate::twins::filter::Along;
 use crate::twins::limits::OPAQUE_DEPTH;
 use crate::twins::transfer::TransferSegment;
 
@@ -22,16 +24,34 @@ pub struct Point {
     pub rgb: [f32; 3],
     /// Windowed value, not clamped to the window; NaN where nothing is there.
     pub unit: f32,
+    /// Its change from point to point, as the cell around has it.
+    pub slope: f32,
+    /// Least of the cell's voxels, windowed.
+    pub low: f32,
+    /// Greatest of them.
+    pub high: f32,
 }
 
 impl Point {
     /// Nothing is there.
-    pub const NONE: Point = Point { rgb: [1.0; 3], unit: f32::NAN };
+    pub const NONE: Point =
+        Point { rgb: [1.0; 3], unit: f32::NAN, slope: 0.0, low: 0.0, high: 0.0 };
 
     /// Of a texel; a NaN is nothing.
-    pub fn new(rgb: [f32; 3], texel: f32, segments: &[TransferSegment]) -> Point {
-        let unit = texel * segments[0].window_scale + segments[0].window_offset;
-        Point { rgb, unit: if texel.is_nan() { texel } else { unit.clamp(-UNIT_MAX, UNIT_MAX) } }
+    pub fn new(rgb: [f32; 3], along: Along, segments: &[TransferSegment]) -> Point {
+        let TransferSegment { window_scale, window_offset, .. } = segments[0];
+        let windowed = |texel: f32| texel * window_scale + window_offset;
+        let bounded = |unit: f32| unit.clamp(-UNIT_MAX, UNIT_MAX);
+        let [one, other] = [windowed(along.low), windowed(along.high)];
+        let slope = along.slope * window_scale;
+        Point {
+            rgb,
+            unit: if along.value.is_nan() { f32::NAN } else { bounded(windowed(along.value)) },
+            // Differences of voxels may be beyond all numbers.
+            slope: if slope.abs() < UNIT_MAX { slope } else { 0.0 },
+            low: bounded(one.min(other)),
+            high: bounded(one.max(other)),
+        }
     }
 }
 
@@ -47,36 +67,26 @@ pub struct Span {
 impl Span {
     const NONE: Span = Span { from: 0.0, to: 0.0, share: 0.0, rgb: [1.0; 3] };
 
-    fn between(from: Point, to: Point, bend: f32, low: f32, high: f32) -> Span {
+    /// Between two points.
+    ///
+    /// Their values are moved by a twelfth of the difference of their slopes: where the value is curved, a
+    /// chord's mean differs from the true one by that. They stay within what the voxels around them hold.
+    pub fn between(from: Point, to: Point) -> Span {
         let rgb = std::array::from_fn(|c| 0.5 * (from.rgb[c] + to.rgb[c]));
+        let bend = (to.slope - from.slope) * (1.0 / 12.0);
+        let (low, high) = (from.low.min(to.low), from.high.max(to.high));
         match (from.unit.is_nan(), to.unit.is_nan()) {
             (true, true) => Span::NONE,
             // Beside a point that is not there, half a span has the other's value.
             (true, false) => Span { from: to.unit, to: to.unit, share: 0.5, rgb },
             (false, true) => Span { from: from.unit, to: from.unit, share: 0.5, rgb },
             (false, false) => Span {
-                from: (from.unit - bend).clamp(low, high),
-                to: (to.unit - bend).clamp(low, high),
+                from: (from.unit - bend).max(low).min(high),
+                to: (to.unit - bend).max(low).min(high),
                 share: 1.0,
                 rgb,
             },
         }
-    }
-
-    /// The two spans between three points at equal distances.
-    ///
-    /// Their values are moved by a twelfth of the second difference: where the value is curved, a chord's
-    /// mean differs from the true one by that.
-    pub fn between_three(start: Point, middle: Point, end: Point) -> [Span; 2] {
-        let units = [start.unit, middle.unit, end.unit];
-        let (bend, low, high) = if units.iter().any(|unit| unit.is_nan()) {
-            (0.0, -UNIT_MAX, UNIT_MAX)
-        } else {
-            let bend = (start.unit - middle.unit - (middle.unit - end.unit)) * (1.0 / 12.0);
-            let low = start.unit.min(middle.unit).min(end.unit);
-            (bend, low, start.unit.max(middle.unit).max(end.unit))
-        };
-        [Span::between(start, middle, bend, low, high), Span::between(middle, end, bend, low, high)]
     }
 }
 

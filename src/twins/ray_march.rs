@@ -2,7 +2,7 @@
 
 use crate::twins::classify::{Block, Medium, join_block};
 use crate::twins::exponential::attenuate;
-use crate::twins::filter::{Texels, filtered};
+use crate::twins::filter::{Texels, filtered, filtered_along};
 use crate::twins::fixed_point::{Fixed3, fixed_advance, fixed_float, fixed_fraction};
 use crate::twins::limits::BLOCK_SAMPLES;
 use crate::twins::macrocells::{
@@ -117,29 +117,25 @@ pub fn march_ray<'a>(
                 }
             }
         } else if settings.preintegrated {
+            let way = step_voxel.map(|step| 0.5 * step);
             let points: Vec<Vec<Point>> = (0..2 * samples + 1)
                 .map(|index| place(0.5 * index as f32 - 0.5))
-                .map(|(corner, within)| points_at(channels, corner, within))
+                .map(|(corner, within)| points_at(channels, corner, within, way))
                 .collect();
             let shown: Vec<bool> = (0..samples).map(shown).collect();
             let begins = |at: usize| shown[at] && (at == 0 || !shown[at - 1]);
             for at in (0..samples as usize).filter(|at| shown[*at]) {
                 state.samples_taken += if begins(at) { 3 } else { 2 };
                 let first = 2 * at;
-                let [start, middle, end] = [0, 1, 2].map(|at| &points[first + at]);
-                let spans: Vec<[Span; 2]> = (0..channels.len())
-                    .map(|channel| {
-                        Span::between_three(start[channel], middle[channel], end[channel])
-                    })
-                    .collect();
-                for half in 0..2 {
-                    let content = |(channel, spans): (&Channel<'a>, &[Span; 2])| match *channel {
+                for half in [first, first + 1] {
+                    let content = |(index, channel): (usize, &Channel<'a>)| match *channel {
                         Channel::Scalar { segments, .. } | Channel::Rgba { segments, .. } => {
-                            Content::Span(spans[half], segments)
+                            let span = Span::between(points[half][index], points[half + 1][index]);
+                            Content::Span(span, segments)
                         }
                         Channel::Constant { segment } => Content::Constant(segment.start),
                     };
-                    let contents: Vec<Content> = channels.iter().zip(&spans).map(content).collect();
+                    let contents: Vec<Content> = channels.iter().enumerate().map(content).collect();
                     composite_span(&mut block, &contents, 0.5 * geometry.step_world);
                 }
             }
@@ -198,15 +194,21 @@ fn joined(intervals: &[Interval]) -> Vec<(usize, u32)> {
 }
 
 /// A point of every channel; of channels of one value, nothing.
-fn points_at(channels: &[Channel], corner: [i32; 3], within: [f32; 3]) -> Vec<Point> {
+fn points_at(
+    channels: &[Channel],
+    corner: [i32; 3],
+    within: [f32; 3],
+    way: [f32; 3],
+) -> Vec<Point> {
     let point = |channel: &Channel| match channel {
         Channel::Scalar { texels, segments } => {
-            let [texel] = filtered(texels, corner, within, |texel| [texel]);
-            Point::new([1.0; 3], texel, segments)
+            let along = filtered_along(texels, corner, within, way, |texel| texel);
+            Point::new([1.0; 3], along, segments)
         }
         Channel::Rgba { texels, segments } => {
-            let [r, g, b, a] = filtered(texels, corner, within, |texel| texel);
-            Point::new([r, g, b], a, segments)
+            let rgb = filtered(texels, corner, within, |[r, g, b, _]| [r, g, b]);
+            let along = filtered_along(texels, corner, within, way, |texel| texel[3]);
+            Point::new(rgb, along, segments)
         }
         Channel::Constant { .. } => Point::NONE,
     };
