@@ -224,7 +224,7 @@ impl Drawing<'_> {
         }
         if by.coarsest.iter().any(|level| *level > 0) {
             // Of the coarsest level there is no coarser one.
-            let (level_shift, what) = match by.coarsest.iter().any(|level| *level == by.last) {
+            let (level_shift, what) = match by.coarsest.contains(&by.last) {
                 false => (1, "levels above 0 one coarser"),
                 true => (-1, "levels above 0 one finer"),
             };
