@@ -3,6 +3,9 @@
 // Samples between two anchors of a ray, see fixed_point.glsl: few enough that f32 holds a position
 // inside a block to 32 * 2^-24 of the step's length.
 #define BLOCK_SAMPLES 32u
+// Samples of a ray whose voxels are waited for together, before any of them is composited. Two, since
+// what a turn of the loop holds is as much as a core looks ahead.
+#define SAMPLES_AT_ONCE 2u
 // Rays of one workgroup along x and y. Eight lanes along x: lavapipe runs narrower groups slower.
 #define GROUP_WIDTH 8
 #define GROUP_HEIGHT 8

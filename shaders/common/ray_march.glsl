@@ -144,34 +144,9 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
         while (shown != 0u) {
             uint index = uint(findLSB(shown));
             vec3 position = anchor_fraction + STEPS_TO(2u * index + phase) * step_voxel;
-#elif defined(ADAPTIVE)
-        // Intervals beyond the ray's end join none.
-        below[5] |= samples < BLOCK_SAMPLES ? 0xffffffffu << samples : 0u;
-        below[6] |= below[5];
-        Steps steps = joined_steps(shown, below);
-        float from = 0.0;
-        float length = 1.0;
-        taken = 0u;
-        while (steps.starts != 0u) {
-            uint index = uint(findLSB(steps.starts));
-            uint level = level_at(steps, index);
-            // What the block itself hides lengthens steps too, within their interval.
-            uint longer = min(level + uint(block.depth * LEVELS_OF_DEPTH), max(level, LEVEL_WHOLE));
-            length = from == 0.0 ? length_of(longer) : length;
-            vec3 position = anchor_fraction + (float(index) - 0.5 + from + 0.5 * length) * step_voxel;
-#elif defined(MACROCELLS)
-        taken = uint(bitCount(shown));
-        while (shown != 0u) {
-            uint index = uint(findLSB(shown));
-            vec3 position = anchor_fraction + float(index) * step_voxel;
-#else
-        for (uint index = 0u; index < samples; ++index) {
-            vec3 position = anchor_fraction + float(index) * step_voxel;
-#endif
             vec3 cell = floor(position);
             vec3 within = position - cell;
             ivec3 corner = anchor.cell + ivec3(cell) + 1;
-#ifdef PREINTEGRATED
             SAMPLE_CHANNELS
             // Before the second point there is no span.
             float length_world = phase == 0u ? 0.0 : 0.5 * geometry.step_world;
@@ -184,24 +159,68 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
             // The end of a sample is the start of the next.
             bool next = (shown & (2u << index)) != 0u;
             phase = ends ? (next ? 1u : 0u) : phase + 1u;
-#else
-            Medium medium = Medium(vec3(0.0), 0.0);
-            SAMPLE_CHANNELS
-#ifdef ADAPTIVE
-            composite(block, medium, length * geometry.step_world);
-            ++taken;
-            from += length;
-            bool ends = from >= 1.0;
-            from = ends ? 0.0 : from;
-            steps.starts = ends ? steps.starts & (steps.starts - 1u) : steps.starts;
-#else
-            composite(block, medium, geometry.step_world);
-#ifdef MACROCELLS
-            shown &= shown - 1u;
-#endif
-#endif
-#endif
         }
+#else
+#ifdef ADAPTIVE
+        // Intervals beyond the ray's end join none.
+        below[5] |= samples < BLOCK_SAMPLES ? 0xffffffffu << samples : 0u;
+        below[6] |= below[5];
+        Steps steps = joined_steps(shown, below);
+        float from = 0.0;
+        float length = 1.0;
+        taken = 0u;
+        while (steps.starts != 0u) {
+#elif defined(MACROCELLS)
+        taken = uint(bitCount(shown));
+        while (shown != 0u) {
+#else
+        for (uint first = 0u; first < samples; first += SAMPLES_AT_ONCE) {
+#endif
+            vec3 positions[SAMPLES_AT_ONCE];
+            // 0 where fewer are left: such a sample changes no bit.
+            float lengths_world[SAMPLES_AT_ONCE];
+            [[unroll]] for (uint which = 0u; which < SAMPLES_AT_ONCE; ++which) {
+#ifdef ADAPTIVE
+                bool there = steps.starts != 0u;
+                uint index = uint(findLSB(steps.starts)) & 31u;
+                uint level = level_at(steps, index);
+                // What the block hides before these samples lengthens steps too, within their interval.
+                uint longer = min(level + uint(block.depth * LEVELS_OF_DEPTH), max(level, LEVEL_WHOLE));
+                length = from == 0.0 ? length_of(longer) : length;
+                positions[which] = anchor_fraction + (float(index) - 0.5 + from + 0.5 * length) * step_voxel;
+                lengths_world[which] = there ? length * geometry.step_world : 0.0;
+                taken += there ? 1u : 0u;
+                from += length;
+                bool ends = from >= 1.0;
+                from = ends ? 0.0 : from;
+                steps.starts = ends ? steps.starts & (steps.starts - 1u) : steps.starts;
+#else
+#ifdef MACROCELLS
+                bool there = shown != 0u;
+                uint index = uint(findLSB(shown)) & 31u;
+                shown &= shown - 1u;
+#else
+                bool there = first + which < samples;
+                uint index = there ? first + which : first;
+#endif
+                positions[which] = anchor_fraction + float(index) * step_voxel;
+                lengths_world[which] = there ? geometry.step_world : 0.0;
+#endif
+            }
+            Medium media[SAMPLES_AT_ONCE];
+            [[unroll]] for (uint which = 0u; which < SAMPLES_AT_ONCE; ++which) {
+                vec3 cell = floor(positions[which]);
+                vec3 within = positions[which] - cell;
+                ivec3 corner = anchor.cell + ivec3(cell) + 1;
+                Medium medium = Medium(vec3(0.0), 0.0);
+                SAMPLE_CHANNELS
+                media[which] = medium;
+            }
+            [[unroll]] for (uint which = 0u; which < SAMPLES_AT_ONCE; ++which) {
+                composite(block, media[which], lengths_world[which]);
+            }
+        }
+#endif
         join_block(state, block);
         state.samples_taken += taken;
         state.next_sample = min(geometry.sample_count, state.next_sample + skipped);

@@ -45,8 +45,9 @@ const HEAD: f64 = 60.0;
 /// Between rows of the legend.
 const LEGEND_ROW: f64 = 18.0;
 const FRONT: &str = "#e8c24a";
-/// Colour and dashes of each series; marks go with them.
-const STYLES: [(&str, &str); 8] = [
+/// Colour and dashes of each series; marks go with them. As many as a study has series at most: two for
+/// each of three integrators, and one for each other axis.
+const STYLES: [(&str, &str); 11] = [
     ("#1b5e9b", ""),
     ("#b3541e", "6 4"),
     ("#4a7a2c", "2 3"),
@@ -55,6 +56,9 @@ const STYLES: [(&str, &str); 8] = [
     ("#2a7f86", "4 2"),
     ("#6b5b2e", "1 2"),
     ("#444444", "8 2 2 2"),
+    ("#8a1f1f", "3 6"),
+    ("#3f6fd1", "10 2"),
+    ("#5a7d00", "5 5"),
 ];
 
 /// Panels, `columns` of them in a row; `x_label` under each; what `missing` says stands in the legend
@@ -113,8 +117,8 @@ fn legend(panels: &[Panel], missing: &str, width: f64) -> (String, usize) {
     }
     if panels.iter().any(|panel| !panel.front.is_empty()) {
         let [x, y] = place(wide("Pareto front"));
-        let x = x + 4.0;
-        front(&mut out, &[(x, y), (x + 30.0, y)]);
+        let x = x + 8.0;
+        front(&mut out, &[(x, y), (x + 24.0, y)]);
         text(&mut out, [x + 36.0, y + 4.0], "", "Pareto front");
     }
     let mut all = panels.iter().flat_map(|panel| &panel.series).flat_map(|series| &series.points);
@@ -199,14 +203,21 @@ fn draw(out: &mut String, [left, top]: [f64; 2], size: [f64; 2], panel: &Panel, 
     for (index, series) in panel.series.iter().enumerate() {
         for (point, words) in series.points.iter().zip(&series.labels) {
             if let Some(at) = place(point).filter(|_| !words.is_empty()) {
-                label(out, index, at, words, &mut taken);
+                label(out, index, at, words, [x0, x1], &mut taken);
             }
         }
     }
 }
 
-/// Words beside a point, in the first of four places that is free, if any is.
-fn label(out: &mut String, style: usize, at: (f64, f64), words: &str, taken: &mut Vec<[f64; 4]>) {
+/// Words beside a point, in the first of four places that is free and within the panel, if any is.
+fn label(
+    out: &mut String,
+    style: usize,
+    at: (f64, f64),
+    words: &str,
+    within: [f64; 2],
+    taken: &mut Vec<[f64; 4]>,
+) {
     let (colour, _) = STYLES[style % STYLES.len()];
     let (wide, high) = (5.4 * words.chars().count() as f64, 11.0);
     let places = [(7.0, -4.0), (7.0, 13.0), (-7.0 - wide, -4.0), (-7.0 - wide, 13.0)];
@@ -216,7 +227,7 @@ fn label(out: &mut String, style: usize, at: (f64, f64), words: &str, taken: &mu
         let meets = |other: &[f64; 4]| {
             left < other[2] && right > other[0] && top < other[3] && bottom > other[1]
         };
-        if !taken.iter().any(meets) {
+        if left >= within[0] && right <= within[1] && !taken.iter().any(meets) {
             taken.push([left, top, right, bottom]);
             text(
                 out,
@@ -315,7 +326,10 @@ fn mark(out: &mut String, style: usize, (x, y): (f64, f64)) {
         4 => "M-3.5 -3.5H3.5V3.5H-3.5Z",
         5 => "M-3.5 0A3.5 3.5 0 1 0 3.5 0A3.5 3.5 0 1 0 -3.5 0Z",
         6 => "M0 -5L4 0L0 5L-4 0Z",
-        _ => "M0 4.5L4 -3.5H-4Z",
+        7 => "M0 4.5L4 -3.5H-4Z",
+        8 => "M0 4.5L4 -3.5H-4Z",
+        9 => "M0 -4.5L4 3.5H-4Z",
+        _ => "M-4.5 -1.5H-1.5V-4.5H1.5V-1.5H4.5V1.5H1.5V4.5H-1.5V1.5H-4.5Z",
     };
     let fill = if style.is_multiple_of(2) { colour } else { "#fff" };
     let _ = writeln!(

@@ -2,6 +2,8 @@
 
 /// Samples between two anchors of a ray.
 pub const BLOCK_SAMPLES: u32 = 32;
+/// Samples of a ray that are chosen together, before any of them is composited.
+pub const SAMPLES_AT_ONCE: u32 = 2;
 /// Rays of one workgroup along x.
 pub const GROUP_WIDTH: u32 = 8;
 /// Rays of one workgroup along y.

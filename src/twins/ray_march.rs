@@ -4,7 +4,7 @@ use crate::twins::classify::{Block, Medium, join_block};
 use crate::twins::exponential::attenuate;
 use crate::twins::filter::{Texels, filtered, filtered_along};
 use crate::twins::fixed_point::{Fixed3, fixed_advance, fixed_float, fixed_fraction};
-use crate::twins::limits::BLOCK_SAMPLES;
+use crate::twins::limits::{BLOCK_SAMPLES, SAMPLES_AT_ONCE};
 use crate::twins::macrocells::{
     CODE_SHOWS, LEVEL_MAX, LEVEL_WHOLE, LEVELS_OF_DEPTH, code_at, length_of, level_of,
 };
@@ -104,12 +104,19 @@ pub fn march_ray<'a>(
                     levels.min().map_or(Interval::EMPTY, |level| Interval { shows: true, level })
                 })
                 .collect();
+            let mut taken = 0;
+            let mut hidden_by = 0.0;
             for (start, level) in joined(&intervals) {
-                let longer =
-                    (level + (block.depth * LEVELS_OF_DEPTH) as u32).min(level.max(LEVEL_WHOLE));
-                let length = length_of(longer);
-                let mut from = 0.0;
+                let (mut from, mut length) = (0.0, 0.0);
                 while from < 1.0 {
+                    if taken % SAMPLES_AT_ONCE == 0 {
+                        hidden_by = block.depth;
+                    }
+                    taken += 1;
+                    if from == 0.0 {
+                        let longer = level + (hidden_by * LEVELS_OF_DEPTH) as u32;
+                        length = length_of(longer.min(level.max(LEVEL_WHOLE)));
+                    }
                     let (corner, within) = place(start as f32 - 0.5 + from + 0.5 * length);
                     block.composite(mixed(channels, corner, within), length * geometry.step_world);
                     state.samples_taken += 1;

@@ -114,7 +114,8 @@ def main():
         "ashfall_driver": found["driver"],
         "ashfall_early_stop": found["early_stop"],
     }
-    comparison = Comparison(facts, vtk_rows + rows, base, drift(programs[0].times[1], before))
+    caster = next(row for row in plain if row.setting == "step 1")
+    comparison = Comparison(facts, vtk_rows + rows, base, caster, drift(programs[0].times[1], before))
     write_pictures(folder, programs, truth)
     text, table = json.dumps(comparison.json(), indent=2) + "\n", comparison.text()
     (folder / "compare.json").write_text(text)

@@ -15,7 +15,9 @@ import numpy as np
 from refusal import ARGUMENTS, MACHINE, Refusal, Said
 from row import Row
 
-STEPS = "2,1,0.5,0.25,0.125"
+# Beyond VTK's coarsest, since smooth scenes are near the truth with steps of several voxels.
+STEPS = "8,4,3,2,1,0.5,0.25,0.125"
+TOLERANCES = "0.3,0.2,0.1,0.05,0.03,0.02,0.01,0.005,0.003,0.002,0.001"
 # 140 dB: far beyond what any picture here reaches.
 REFERENCE_ERROR_MAX = "1e-7"
 # What `ashfall render` calls by the first name, `ashfall study` sweeps by the second.
@@ -67,15 +69,20 @@ class Ashfall:
         # Times of another day are not compared: nothing is taken from a journal.
         shutil.rmtree(folder, ignore_errors=True)
         swept, other = study_flags(flags)
-        usual = {"--steps": STEPS, "--only": "step", "--error-max": REFERENCE_ERROR_MAX}
+        usual = {"--steps": STEPS, "--tolerances": TOLERANCES, "--only": "step", "--error-max": REFERENCE_ERROR_MAX}
         usual.update({"--repeats": str(self.repeats), **swept})
         listed = [word for pair in usual.items() for word in pair]
         self._run(["study", str(self.scene_path), "-o", str(folder), *listed, *other, *self.scene_flags])
         found = json.loads((folder / "study.json").read_text())
-        # A study sweeps without early stop too. VTK ends rays early, and so does what is compared.
+        # A study sweeps without early stop too. VTK ends rays early, and so does what is compared; with a
+        # tolerance both are, since rays then end at a quarter of it, which may be most of the error.
         settings = [one for one in found["settings"] if one["measured"]]
         early_stop = max(one["setting"]["early_stop"] for one in settings)
-        kept = [one for one in settings if one["setting"]["early_stop"] == early_stop]
+        kept = [
+            one
+            for one in settings
+            if one["setting"]["early_stop"] == early_stop or one["setting"]["tolerance"] is not None
+        ]
         rows = [row_of(one, found["clock"], other) for one in kept]
         return {**found, "early_stop": early_stop}, rows, np.load(folder / "reference_level_0.npy")
 
@@ -115,6 +122,7 @@ def row_of(one, clock, flags):
     words = "step {:g}".format(setting["step"])
     if setting["tolerance"] is not None:
         words = "tolerance {:g}".format(setting["tolerance"])
+        words += ", early stop" if setting["early_stop"] > 0 else ""
     program = " ".join(["ashfall,", setting["integrator"], *flags])
     # Where the device is no CPU, `ms` counts the wall's time.
     processor = measured["ms"]["median"] if clock == "processor" else None
