@@ -276,7 +276,7 @@ void composite_span(inout Block block, Composited sum) {
 #endif
 
 #ifdef TRANSFER_SEARCH
-#define ADD_PIECES(NAME, SEGMENTS, span) \
+#define ADD_PIECES(NAME, PIECES, span) \
     { \
         Crossing crossing = crossing_of(span); \
         float lowest = min(span.from, span.to); \
@@ -301,16 +301,17 @@ void composite_span(inout Block block, Composited sum) {
         } \
     }
 #else
-#define ADD_PIECES(NAME, SEGMENTS, span) \
+// PIECES is one ADD_PIECE after another. No loop does that: where the compiler unrolls one, the copies of
+// what is precise no longer are.
+#define ADD_PIECE(NAME, index, SEGMENTS) \
+    add_piece( \
+        sum, crossing, NAME##_begins_at[index], index == 0 ? -UNIT_MAX : NAME##_begins_at[index], \
+        index + 1 < SEGMENTS ? NAME##_begins_at[min(index + 1, SEGMENTS - 1)] : BEYOND_UNITS, \
+        NAME##_start[index], NAME##_slope[index], span.rgb, span.share);
+#define ADD_PIECES(NAME, PIECES, span) \
     { \
         Crossing crossing = crossing_of(span); \
-        [[unroll]] for (int index = 0; index < SEGMENTS; ++index) { \
-            float low = index == 0 ? -UNIT_MAX : NAME##_begins_at[index]; \
-            float high = index + 1 < SEGMENTS ? NAME##_begins_at[min(index + 1, SEGMENTS - 1)] : BEYOND_UNITS; \
-            add_piece( \
-                sum, crossing, NAME##_begins_at[index], low, high, NAME##_start[index], \
-                NAME##_slope[index], span.rgb, span.share); \
-        } \
+        PIECES \
     }
 #endif
 
@@ -320,10 +321,10 @@ void composite_span(inout Block block, Composited sum) {
     Point NAME##_ahead = NAME##_behind;
 
 // A channel's span from the point before to this one.
-#define SPAN_SAMPLED(NAME, SEGMENTS) \
+#define SPAN_SAMPLED(NAME, PIECES) \
     { \
         Span span = span_between(NAME##_behind, NAME##_ahead); \
-        ADD_PIECES(NAME, SEGMENTS, span) \
+        ADD_PIECES(NAME, PIECES, span) \
         NAME##_behind = NAME##_ahead; \
     }
 #define SPAN_CONSTANT(NAME, SEGMENTS) SPAN_OF_CONSTANT(NAME)

@@ -143,7 +143,11 @@ impl Shape {
             if self.preintegrated {
                 load += &format!("DECLARE_POINTS(channel_{index}) ");
             }
-            span += &format!("SPAN_SAMPLED(channel_{index}, {segments}) ");
+            // Searched pieces are found by a loop.
+            let pieces = if self.searches() { 0..0 } else { 0..segments };
+            let pieces = pieces.map(|at| format!("ADD_PIECE(channel_{index}, {at}, {segments})"));
+            let pieces = pieces.collect::<Vec<_>>().join(" ");
+            span += &format!("SPAN_SAMPLED(channel_{index}, {pieces}) ");
             first += segments;
         }
         variant = variant
