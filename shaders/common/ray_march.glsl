@@ -71,6 +71,13 @@ uniform sampler3D channels[IMAGES];
     }
 #endif
 
+// Samples that one turn of the loop takes; of one value everywhere, a ray takes one in all.
+#ifdef IMAGES
+#define AT_ONCE SAMPLES_AT_ONCE
+#else
+#define AT_ONCE 1u
+#endif
+
 // Points of a block's samples: a sample's place, or start, middle and end of its two spans.
 #if defined(PREINTEGRATED) || defined(ADAPTIVE)
 #define POINTS_OF(samples) (2u * (samples) + 1u)
@@ -174,12 +181,12 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
         taken = uint(bitCount(shown));
         while (shown != 0u) {
 #else
-        for (uint first = 0u; first < samples; first += SAMPLES_AT_ONCE) {
+        for (uint first = 0u; first < samples; first += AT_ONCE) {
 #endif
-            vec3 positions[SAMPLES_AT_ONCE];
+            vec3 positions[AT_ONCE];
             // 0 where fewer are left: such a sample changes no bit.
-            float lengths_world[SAMPLES_AT_ONCE];
-            [[unroll]] for (uint which = 0u; which < SAMPLES_AT_ONCE; ++which) {
+            float lengths_world[AT_ONCE];
+            [[unroll]] for (uint which = 0u; which < AT_ONCE; ++which) {
 #ifdef ADAPTIVE
                 bool there = steps.starts != 0u;
                 uint index = uint(findLSB(steps.starts)) & 31u;
@@ -207,8 +214,8 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
                 lengths_world[which] = there ? geometry.step_world : 0.0;
 #endif
             }
-            Medium media[SAMPLES_AT_ONCE];
-            [[unroll]] for (uint which = 0u; which < SAMPLES_AT_ONCE; ++which) {
+            Medium media[AT_ONCE];
+            [[unroll]] for (uint which = 0u; which < AT_ONCE; ++which) {
                 vec3 cell = floor(positions[which]);
                 vec3 within = positions[which] - cell;
                 ivec3 corner = anchor.cell + ivec3(cell) + 1;
@@ -216,7 +223,7 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
                 SAMPLE_CHANNELS
                 media[which] = medium;
             }
-            [[unroll]] for (uint which = 0u; which < SAMPLES_AT_ONCE; ++which) {
+            [[unroll]] for (uint which = 0u; which < AT_ONCE; ++which) {
                 composite(block, media[which], lengths_world[which]);
             }
         }
