@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use crate::cli::error_flags::{coverage_of, coverage_text};
+use crate::cli::error_flags::coverage_text;
 use crate::cli::output::{print, print_json};
 use crate::cli::picture_file::{check_output, read_exr, read_layer, write_picture};
 use crate::error::{Error, Result};
 use crate::render::Picture;
-use crate::study::error_estimate::Coverage;
+use crate::study::error_estimate::{Coverage, coverage};
 use crate::study::error_metrics::{PictureError, picture_error};
 
 /// Say how far one EXR picture is from another, on linear values: PSNR over rgb with peak 1, also over
@@ -86,7 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let wide: Vec<[f64; 4]> = reference.pixels.iter().map(|pixel| pixel.map(f64::from)).collect();
     let error = picture_error(&picture.pixels, &wide);
     let estimate = read_layer(&arguments.picture, "error.total")?;
-    let covered = estimate.map(|total| coverage_of(&total, &picture, &reference));
+    let covered = estimate.map(|total| coverage(&total, &picture.pixels, &wide));
     let report = judge(arguments, &error, covered);
     if let Some(file) = &arguments.difference {
         write_picture(file, &difference_picture(&picture, &reference))?;

@@ -46,13 +46,8 @@ pub fn coverage_by(file: &Path, estimate: &ErrorEstimate, picture: &Picture) -> 
             picture.size[1]
         )));
     }
-    Ok(coverage_of(&estimate.total, picture, &truth))
-}
-
-/// As [`coverage`], of pictures.
-pub fn coverage_of(total: &[f32], picture: &Picture, truth: &Picture) -> Coverage {
     let wide: Vec<[f64; 4]> = truth.pixels.iter().map(|pixel| pixel.map(f64::from)).collect();
-    coverage(total, &picture.pixels, &wide)
+    Ok(coverage(&estimate.total, &picture.pixels, &wide))
 }
 
 /// What an estimate covers, in a line.
