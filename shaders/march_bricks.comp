@@ -7,6 +7,8 @@
 //          page_table    [entry]    state and slot
 //          constants     [number]   texels of bricks of one value
 //          atlases       [image]    slots, one image per texel format
+//          level_leaves  [level]    where leaves lie; OCTREE alone
+//          leaf_words    [word]     which channels show something around a leaf; OCTREE alone
 // writes   slot_used     [slot]     round in which a ray last used it
 //          slot_needed   [slot]     round in which a waiting ray last needed it; exact refinement alone
 // updates  ray_geometry  [ray]      fixed-point start and step in the level in use
@@ -56,14 +58,20 @@ layout(push_constant) uniform Push {
 } push;
 
 #ifdef SUBSTITUTE
-#define MARK(ENTRY_FIRST, CHANNELS, CHANNEL, SLOT_FIRST)
+#define MARK(BIT, ENTRY_FIRST, CHANNELS, CHANNEL, SLOT_FIRST)
+#elif defined(OCTREE)
+#define MARK(BIT, ENTRY_FIRST, CHANNELS, CHANNEL, SLOT_FIRST) \
+    if ((channels & BIT) != 0u) { \
+        waits = mark(push.round, ENTRY_FIRST + place * CHANNELS + CHANNEL, SLOT_FIRST) || waits; \
+    }
 #else
-#define MARK(ENTRY_FIRST, CHANNELS, CHANNEL, SLOT_FIRST) \
+#define MARK(BIT, ENTRY_FIRST, CHANNELS, CHANNEL, SLOT_FIRST) \
     waits = mark(push.round, ENTRY_FIRST + place * CHANNELS + CHANNEL, SLOT_FIRST) || waits;
 #endif
 
-// A ray waits at `place`: its wishes, and what it needs beside them. False where all is there.
-bool mark_place(uint place) {
+// A ray waits at `place` for bricks of these `channels`: its wishes, and what it needs beside them. False
+// where all is there.
+bool mark_place(uint place, uint channels) {
     bool waits = false;
     MARK_CHANNELS
     return waits;
@@ -85,11 +93,11 @@ void main() {
 #endif
         return;
     }
+    RayBlock partial = block_of_ray[ray];
     bool waits = place != PLACE_RUNNING;
     if (waits) {
-        waits = mark_place(place);
+        waits = mark_place(place, partial.met >> MET_CHANNELS_SHIFT);
     }
-    RayBlock partial = block_of_ray[ray];
     // A loop of one turn: with an `if` around march_bricks lavapipe (Mesa 22.3.6) draws a wrong picture.
     for (bool go = !waits; go; go = false) {
         RayGeometry geometry = geometry_of_ray[ray];
@@ -124,7 +132,7 @@ void main() {
         atomicAdd(round_progress.moved, 1u);
         waits = place < PLACE_RUNNING;
         if (waits) {
-            mark_place(place);
+            mark_place(place, partial.met >> MET_CHANNELS_SHIFT);
         }
     }
     place_of_ray[ray] = place;

@@ -15,6 +15,8 @@ mod faults;
 mod host;
 #[path = "cache/invariants.rs"]
 mod invariants;
+#[path = "cache/leaves.rs"]
+mod leaves;
 #[path = "cache/marching.rs"]
 mod marching;
 #[path = "cache/model.rs"]

@@ -9,7 +9,7 @@ use std::path::Path;
 use ashfall::gpu::{
     Binding, BindingKind, ImageFormat, Member, Reflection, Shader, ShaderCompiler, Variant,
 };
-use ashfall::passes::brick_shape::{AtlasShape, BrickShape};
+use ashfall::passes::brick_shape::{AtlasShape, BrickShape, OctreeShape};
 use ashfall::passes::cache_buffers::{RankOrder, RankShape};
 use ashfall::passes::march_shape::{ChannelShape, FilterShape, MacrocellUse, Shape};
 use ashfall::passes::probe::{self, ProbeShape};
@@ -291,6 +291,10 @@ fn shapes() -> Vec<Shape> {
     ]
 }
 
+fn octree(word_bits: u32) -> OctreeShape {
+    OctreeShape { leaf: [4; 3], word_bits }
+}
+
 /// Shapes of marching through bricks: every macro, alone and together.
 fn brick_shapes() -> Vec<BrickShape> {
     let atlas = |slot_first| AtlasShape {
@@ -307,6 +311,7 @@ fn brick_shapes() -> Vec<BrickShape> {
         several_levels: false,
         views: 1,
         skipping: false,
+        octree: None,
         show_states: false,
         marks: true,
         payload: [32; 3],
@@ -332,6 +337,9 @@ fn brick_shapes() -> Vec<BrickShape> {
         BrickShape { march: shape(&[SCALAR], FilterShape::Sampler), ..plain.clone() },
         BrickShape { skipping: true, ..plain.clone() },
         BrickShape { marks: false, ..plain.clone() },
+        BrickShape { octree: Some(octree(8)), ..plain.clone() },
+        BrickShape { octree: Some(octree(32)), march: spans(plain.march.clone()), ..plain.clone() },
+        BrickShape { octree: Some(octree(16)), show_states: false, ..full.clone() },
         BrickShape { march: spans(plain.march.clone()), ..plain.clone() },
         BrickShape { march: spans(full.march.clone()), ..full.clone() },
         BrickShape { ranks: RankShape { levels: 4, order: RankOrder::Papers }, ..plain.clone() },

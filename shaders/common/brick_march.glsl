@@ -11,15 +11,17 @@
 //          slot_needed  [slot]     round in which a waiting ray last needed it; exact refinement alone
 // spaces   voxels of the level (centre origin): block anchors in fixed point, samples in f32 from the
 //          anchor; texels of a slot: local voxel + 1
+//          level_leaves, leaf_words: as common/octree.glsl; OCTREE alone
 // variants LOAD_CHANNELS, LOOK_UP_CHANNELS, SAMPLE_CHANNELS, MARK_CHANNELS: one call per channel;
 //          ATLASES; PAYLOAD, SLOT: voxels and texels of a brick along each axis; FILTER_SAMPLER,
 //          FILTER_FETCH or FILTER_QUADS; SKIPPING: bricks of nothing are crossed in one step;
+//          OCTREE: boxes of nothing are, and channels that show nothing in a run need no brick there;
 //          SUBSTITUTE: a ray takes a coarser level for a missing brick and does not wait;
 //          WEIGHTS: rays say how much a wish is worth, and not what they need beside it;
 //          UNMARKED: slots that a ray uses are not marked, for a bench; exact refinement alone;
 //          SHOW_STATES: what a ray met is remembered; EARLY_STOP; PREINTEGRATED: a sample is two spans,
 //          between its place and half a step before and after it; SPAN_CHANNELS: one SPAN_ call per
-//          channel; as common/ranks.glsl and common/classify.glsl
+//          channel; as common/ranks.glsl, common/classify.glsl and common/octree.glsl
 // source   DESIGN section 5. A sample's brick, value and weight depend on its number alone: a ray that
 //          waits and goes on gets the same bits, and so does one that skips what is hidden
 #include "common/fixed_point.glsl"
@@ -30,6 +32,10 @@
 #include "common/preintegrate.glsl"
 #endif
 #include "common/ranks.glsl"
+#ifdef OCTREE
+#include "common/bits.glsl"
+#include "common/octree.glsl"
+#endif
 
 layout(std430) readonly buffer page_table { uint entries[]; };
 layout(std430) readonly buffer constants { vec4 constant_texels[]; };
@@ -159,6 +165,21 @@ Found look_up(
     return found;
 }
 
+// What a channel has that shows nothing in a run.
+Found unneeded(ivec3 brick, ivec3 anchor_cell) {
+    Found found;
+    found.has = HAS_NOTHING;
+    found.state = ENTRY_HIDDEN;
+    found.origin = 1 - brick * ivec3(PAYLOAD);
+    found.texel = vec4(0.0);
+#ifdef SUBSTITUTE
+    found.shift = uvec3(0u);
+#else
+    found.origin += anchor_cell;
+#endif
+    return found;
+}
+
 #ifdef SHOW_STATES
 #define REMEMBER(NAME) \
     partial.met |= NAME.state == ENTRY_FAILED ? MET_FAILED : 0u; \
@@ -172,11 +193,21 @@ Found look_up(
 #define RUNS 4u
 #define FOUND(NAME) Found NAME##_0, NAME##_1, NAME##_2, NAME##_3;
 
-#define LOOK_UP(NAME, ENTRY_FIRST, CHANNELS, CHANNEL, SLOT_FIRST, SLOTS_ACROSS) \
+// A loop of one turn, since lavapipe runs what stands under an `if` for rays that need none of it.
+#if defined(OCTREE) && defined(SEVERAL_CHANNELS)
+#define WHERE(CONDITION) for (bool go = CONDITION; go; go = false)
+#else
+#define WHERE(CONDITION)
+#endif
+
+#define LOOK_UP(NAME, BIT, ENTRY_FIRST, CHANNELS, CHANNEL, SLOT_FIRST, SLOTS_ACROSS) \
     { \
-        Found found = look_up( \
-            round, level, brick_place, brick, anchor.cell, ENTRY_FIRST, CHANNELS, CHANNEL, SLOT_FIRST, \
-            SLOTS_ACROSS, weight); \
+        Found found = unneeded(brick, anchor.cell); \
+        WHERE((needed & BIT) != 0u) { \
+            found = look_up( \
+                round, level, brick_place, brick, anchor.cell, ENTRY_FIRST, CHANNELS, CHANNEL, \
+                SLOT_FIRST, SLOTS_ACROSS, weight); \
+        } \
         missing = missing || found.state <= ENTRY_EXPECTED; \
         nothing_here = nothing_here && found.has == HAS_NOTHING; \
         REMEMBER(found) \
@@ -279,14 +310,21 @@ Found look_up(
 #define POINTS_OF(samples) (samples)
 #endif
 
-// How many samples, this one included, lie in the brick whose first voxel is `first`. Rounding may add
-// or take away one at the border: half a voxel on both sides of it can be had from either brick.
-uint samples_until_border(vec3 position, vec3 step_voxel, ivec3 first, ivec3 anchor_cell) {
+// How many samples, this one included, lie in the box whose first voxel is `first`. Rounding may add
+// or take away one at the border: half a voxel on both sides of it can be had from either brick, and is
+// in the range of either box.
+uint samples_until_border(
+    vec3 position, vec3 step_voxel, ivec3 first, ivec3 edge, ivec3 anchor_cell
+) {
     ivec3 near = first - anchor_cell;
-    vec3 ahead = mix(vec3(near), vec3(near + ivec3(PAYLOAD)), greaterThan(step_voxel, vec3(0.0)));
+    vec3 ahead = mix(vec3(near), vec3(near + edge), greaterThan(step_voxel, vec3(0.0)));
     vec3 still = vec3(equal(step_voxel, vec3(0.0)));
     vec3 count = (ahead - (position + 0.5)) / (step_voxel + still) + still * 1.0e9;
     return uint(clamp(ceil(min(min(count.x, count.y), count.z)), 1.0, 1.0e9));
+}
+
+ivec3 brick_of_voxel(ivec3 voxel, LevelPlaces places) {
+    return ivec3(min(uvec3(max(voxel, ivec3(0))) / PAYLOAD, places.bricks - 1u));
 }
 
 // Takes up to blocks_left blocks of samples of one level; stops, with `place` saying where, at the first
@@ -301,6 +339,9 @@ void march_bricks(
     uint level = partial.level;
     LevelPlaces places = LevelPlaces(level_views[level].bricks, level_views[level].first_place);
     LOAD_CHANNELS
+#ifdef OCTREE
+    LevelLeaves of_level = leaves_of_level[level];
+#endif
 
     bool missing = false;
     uint sample_index = partial.sample_index;
@@ -316,14 +357,48 @@ void march_bricks(
         // a whole group pays for what one of its rays does in the loop over samples.
         uvec3 run_end = uvec3(0xffffffffu);
         uint known = sample_index;
-        uint shown_to = 0u;  // end of the last run that shows something
         uint run = 0u;
         // A run of nothing may have reached beyond the ray's last sample.
-        while (run < RUNS && known < samples && !missing) {
+#ifdef OCTREE
+        // Before them which samples show something, box by box. A run begins where one does.
+        uint shown = 0u;
+        uint runs = 0u;
+        uvec4 begins = uvec4(0xffffffffu);
+        uvec4 channels_of_run = uvec4(0u);
+        ivec3 last_brick = ivec3(-1);
+        bool room = true;
+        while (known < samples && room) {
             vec3 position = anchor_fraction + float(known) * step_voxel;
             ivec3 voxel = anchor.cell + ivec3(floor(position + 0.5));
-            ivec3 brick = ivec3(
-                min(uvec3(max(voxel, ivec3(0))) / PAYLOAD, places.bricks - 1u));
+            Box box = box_around(of_level, voxel);
+            uint end = known
+                + samples_until_border(position, step_voxel, box.first, box.edge, anchor.cell);
+            bool shows = box.shows != 0u;
+            ivec3 brick = brick_of_voxel(voxel, places);
+            bool enters = shows && brick != last_brick;
+            room = !enters || runs < RUNS;
+            shows = shows && room;
+            end = shows ? min(end, samples) : end;
+            runs += enters && room ? 1u : 0u;
+            bvec4 in_run = equal(uvec4(runs), uvec4(1u, 2u, 3u, 4u));
+            begins = min(begins, mix(uvec4(0xffffffffu), uvec4(known), in_run));
+            channels_of_run |= mix(uvec4(0u), uvec4(shows ? box.shows : 0u), in_run);
+            last_brick = shows ? brick : last_brick;
+            shown |= shows ? bits_between(known, end) : 0u;
+            known = room ? end : known;
+        }
+        while (run < runs && !missing) {
+            uint first = run == 0u ? begins.x : run == 1u ? begins.y : run == 2u ? begins.z : begins.w;
+            uint needed = run == 0u ? channels_of_run.x
+                : run == 1u ? channels_of_run.y : run == 2u ? channels_of_run.z : channels_of_run.w;
+#else
+        uint shown_to = 0u;  // end of the last run that shows something
+        while (run < RUNS && known < samples && !missing) {
+            uint first = known;
+#endif
+            vec3 position = anchor_fraction + float(first) * step_voxel;
+            ivec3 voxel = anchor.cell + ivec3(floor(position + 0.5));
+            ivec3 brick = brick_of_voxel(voxel, places);
             uint brick_place = place_of_brick(places, brick);
 #ifdef SUBSTITUTE
             float transmitted = attenuate(state.optical_depth).transmitted * block.transmitted;
@@ -339,8 +414,14 @@ void march_bricks(
 #else
             place = missing ? brick_place : place;
 #endif
+#ifdef OCTREE
+            known = missing ? first : known;
+            partial.met = missing
+                ? (partial.met & MET_STATES) | (needed << MET_CHANNELS_SHIFT) : partial.met;
+#else
             uint end = known
-                + samples_until_border(position, step_voxel, brick * ivec3(PAYLOAD), anchor.cell);
+                + samples_until_border(
+                    position, step_voxel, brick * ivec3(PAYLOAD), ivec3(PAYLOAD), anchor.cell);
             end = missing ? known : end;
 #ifdef SKIPPING
             bool shows = !nothing_here && !missing;
@@ -356,9 +437,13 @@ void march_bricks(
             run_end.x = run == 0u ? end : run_end.x;
             run_end.y = run == 1u ? end : run_end.y;
             run_end.z = run == 2u ? end : run_end.z;
+#endif
             ++run;
         }
-#ifdef SKIPPING
+#if defined(OCTREE)
+        run_end = begins.yzw;
+        shown &= bits_between(0u, known);
+#elif defined(SKIPPING)
         // Runs of nothing before and after what shows are left out; one between changes no bit.
         uint end = min(shown_to, samples);
 #else
@@ -368,7 +453,12 @@ void march_bricks(
         vec3 way = 0.5 * step_voxel;  // from point to point
         uint phase = 0u;  // point of the sample: its start, middle, end
 #endif
+#ifdef OCTREE
+        while (shown != 0u) {
+            sample_index = uint(findLSB(shown));
+#else
         while (sample_index < end) {
+#endif
             bvec3 past = greaterThanEqual(uvec3(sample_index), run_end);
 #ifdef PREINTEGRATED
             vec3 position = anchor_fraction
@@ -389,15 +479,29 @@ void march_bricks(
             sample_index += ends ? 1u : 0u;
             // The end of a sample is the start of the next, where they are in one brick.
             bvec3 next_past = greaterThanEqual(uvec3(sample_index), run_end);
-            phase = ends ? (next_past == past ? 1u : 0u) : phase + 1u;
+            bool joined = next_past == past;
+#ifdef OCTREE
+            ++state.samples_taken;
+            joined = joined && sample_index < 32u
+                && (shown & (1u << (sample_index & 31u))) != 0u;
+            shown = ends ? shown & (shown - 1u) : shown;
+#endif
+            phase = ends ? (joined ? 1u : 0u) : phase + 1u;
 #else
             Medium medium = Medium(vec3(0.0), 0.0);
             SAMPLE_CHANNELS
             composite(block, medium, geometry.step_world);
+#ifdef OCTREE
+            ++state.samples_taken;
+            shown &= shown - 1u;
+#else
             ++sample_index;
 #endif
+#endif
         }
-#ifdef SKIPPING
+#if defined(OCTREE)
+        sample_index = known;
+#elif defined(SKIPPING)
         sample_index = shown_to < known ? known : sample_index;
 #endif
         if (sample_index >= samples) {

@@ -6,6 +6,8 @@
 // variants ADAPTIVE: codes say by how much a step may be longer than the finest
 // source   macrocells with value ranges (Parker and others 1999); distances to what shows (Zuiderveld,
 //          Koning, Viergever 1992)
+#include "common/bits.glsl"
+
 uniform sampler3D macrocells;
 
 #define CODE_SHOWS 128u
@@ -32,13 +34,6 @@ Macrocell macrocell_at(vec3 position, vec3 per_voxel, ivec3 anchor_cell) {
     vec3 count = (ahead - position) * per_voxel + still * 1.0e9;
     float last = clamp(min(min(count.x, count.y), count.z), 0.0, 1.0e6);
     return Macrocell(code, uint(last) + 1u);
-}
-
-// Bits from `from` up to but not `to`.
-uint bits_between(uint from, uint to) {
-    uint below = to < 32u ? (1u << to) - 1u : 0xffffffffu;
-    uint left_out = from < 32u ? (1u << from) - 1u : 0xffffffffu;
-    return below & ~left_out;
 }
 
 #ifdef ADAPTIVE

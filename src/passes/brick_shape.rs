@@ -17,6 +17,15 @@ pub struct AtlasShape {
     pub slots_across: [u32; 2],
 }
 
+/// How the leaves of a residency octree lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct OctreeShape {
+    /// Voxels along the edges of a leaf of level 0.
+    pub leaf: [u32; 3],
+    /// Bits of a leaf's word: 8, 16 or 32.
+    pub word_bits: u32,
+}
+
 /// What shapes the variant.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct BrickShape {
@@ -34,6 +43,8 @@ pub struct BrickShape {
     pub views: usize,
     /// Whether bricks of nothing are crossed in one step.
     pub skipping: bool,
+    /// Whether boxes of nothing are, and how leaves lie.
+    pub octree: Option<OctreeShape>,
     /// Whether rays remember what they met.
     pub show_states: bool,
     /// Whether rays mark the slots that they use: off for `bench overhead` alone.
@@ -51,11 +62,13 @@ impl BrickShape {
         for (index, (atlas, channel)) in self.places.iter().enumerate() {
             let AtlasShape { entry_first, channels, slot_first, slots_across: [x, y] } =
                 self.atlases[*atlas];
+            let bit = 1u32.checked_shl(index as u32).unwrap_or(0);
             declare += &format!("FOUND(channel_{index}) ");
             look_up += &format!(
-                "LOOK_UP(channel_{index}, {entry_first}u, {channels}u, {channel}u, {slot_first}u, uvec2({x}, {y})) "
+                "LOOK_UP(channel_{index}, {bit}u, {entry_first}u, {channels}u, {channel}u, {slot_first}u, uvec2({x}, {y})) "
             );
-            mark += &format!("MARK({entry_first}u, {channels}u, {channel}u, {slot_first}u) ");
+            mark +=
+                &format!("MARK({bit}u, {entry_first}u, {channels}u, {channel}u, {slot_first}u) ");
         }
         let triple = |[x, y, z]: [u32; 3]| format!("uvec3({x}, {y}, {z})");
         let atlas_of_channel: Vec<_> = self.places.iter().map(|(atlas, _)| *atlas).collect();
@@ -75,12 +88,18 @@ impl BrickShape {
             .define("PAYLOAD", triple(self.payload))
             .define("SLOT", triple(self.slot));
         let mut flags = vec![
-            ("SKIPPING", self.skipping),
+            ("SKIPPING", self.skipping && self.octree.is_none()),
             ("SHOW_STATES", self.show_states),
             ("UNMARKED", !self.marks),
         ];
         flags.retain(|(_, defined)| *defined);
         let mut variant = flags.iter().fold(variant, |variant, (name, _)| variant.define(*name, 1));
+        if let Some(octree) = self.octree {
+            variant = variant
+                .define("OCTREE", 1)
+                .define("LEAF", triple(octree.leaf))
+                .define("WORD_BITS", octree.word_bits);
+        }
         if self.several_levels {
             variant = variant.define("SEVERAL_LEVELS", 1).define("VIEWS", self.views);
         }

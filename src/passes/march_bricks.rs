@@ -28,6 +28,16 @@ pub struct Resources<'r> {
     pub atlases: &'r [Image],
     /// For every atlas.
     pub sampler: &'r Sampler,
+    /// Where leaves lie and their words, where the variant has an octree.
+    pub octree: Option<&'r OctreeBuffers>,
+}
+
+/// What rays read of a residency octree.
+pub struct OctreeBuffers {
+    /// `[level]` where the leaves of a level lie.
+    pub level_leaves: Buffer,
+    /// `[word]` which channels show something around a leaf, and in how large a box.
+    pub leaf_words: Buffer,
 }
 
 /// Rays that have ended stay as they are; the others go on from where they were.
@@ -69,6 +79,11 @@ pub fn record<'r>(
     }
     if let Some(needed) = cache.slot_needed.as_ref().filter(|_| binds(pipeline, "slot_needed")) {
         dispatch = dispatch.write("slot_needed", needed);
+    }
+    if let Some(octree) = resources.octree.filter(|_| has("OCTREE")) {
+        dispatch = dispatch
+            .uniform("level_leaves", &octree.level_leaves)
+            .read("leaf_words", &octree.leaf_words);
     }
     dispatch.push(push).threads([width, height, 1]);
 }

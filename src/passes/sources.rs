@@ -29,6 +29,8 @@ pub static SOURCES: &ShaderSources = &[
     ("place.comp", include_str!("../../shaders/place.comp")),
     ("octree_resident.comp", include_str!("../../shaders/octree_resident.comp")),
     ("grant.comp", include_str!("../../shaders/grant.comp")),
+    ("common/bits.glsl", include_str!("../../shaders/common/bits.glsl")),
+    ("common/octree.glsl", include_str!("../../shaders/common/octree.glsl")),
     ("common/brick_march.glsl", include_str!("../../shaders/common/brick_march.glsl")),
     ("common/cache.glsl", include_str!("../../shaders/common/cache.glsl")),
     ("common/classify.glsl", include_str!("../../shaders/common/classify.glsl")),

@@ -1,20 +1,24 @@
 //! A ray's way through the bricks of a volume; twin of `shaders/common/brick_march.glsl`, but for the
 //! papers' order.
 
+use crate::twins::bits::{bits_between, each_bit};
 use crate::twins::cache::Cache;
 use crate::twins::classify::{Block, Medium, join_block};
 use crate::twins::exponential::attenuate;
 use crate::twins::filter::{Along, Texels, filtered, filtered_along};
 use crate::twins::fixed_point::{Fixed3, fixed_advance, fixed_float, fixed_fraction};
 use crate::twins::limits::{
-    BLOCK_SAMPLES, ENTRY_ABSENT, ENTRY_CONSTANT, ENTRY_EXPECTED, ENTRY_FAILED, ENTRY_MAPPED,
-    ENTRY_PAYLOAD_MASK, ENTRY_STATE_SHIFT, ENTRY_UNMAPPED,
+    BLOCK_SAMPLES, ENTRY_ABSENT, ENTRY_CONSTANT, ENTRY_EXPECTED, ENTRY_FAILED, ENTRY_HIDDEN,
+    ENTRY_MAPPED, ENTRY_PAYLOAD_MASK, ENTRY_STATE_SHIFT, ENTRY_UNMAPPED,
 };
 use crate::twins::march_bricks::Push;
+use crate::twins::octree::Leaves;
 use crate::twins::preintegrate::{Content, Point, Span, composite_span};
 use crate::twins::ranks::{LevelView, place_of_brick};
 use crate::twins::ray::{RayGeometry, RayState};
-use crate::twins::ray_block::{MET_ABSENT, MET_FAILED, MET_PENDING, RayBlock};
+use crate::twins::ray_block::{
+    MET_ABSENT, MET_CHANNELS_SHIFT, MET_FAILED, MET_PENDING, MET_STATES, RayBlock,
+};
 use crate::twins::transfer::{TransferSegment, classify};
 
 /// A channel of one value per voxel, as the shader sees it.
@@ -49,6 +53,8 @@ pub struct Scene<'a> {
     pub slot: [i32; 3],
     /// Bricks of nothing are crossed in one step.
     pub skipping: bool,
+    /// Boxes of nothing are, and channels that show nothing in a run need no brick there.
+    pub octree: Option<Leaves<'a>>,
 }
 
 /// What shapes the march beside the scene.
@@ -84,20 +90,22 @@ enum Has {
     },
 }
 
-/// Samples from `first` on that lie in one brick, and what the channels have there.
+/// Samples that lie in one brick, and what the channels have there.
 struct Run {
-    first: u32,
-    end: u32,
+    /// Samples that are taken, bit by bit.
+    shown: u32,
     found: Vec<Found>,
 }
 
 /// Runs that are looked up before any of them is sampled.
 const RUNS: usize = 4;
 
-/// Marks what a ray that waits at a place needs of all channels; true where it has to wait.
-pub fn mark_place(cache: &mut Cache, scene: &Scene, round: u32, place: u32) -> bool {
+/// Marks what a ray that waits at a place needs of these channels; true where it has to wait.
+pub fn mark_place(cache: &mut Cache, scene: &Scene, round: u32, place: u32, met: u32) -> bool {
     let mut waits = false;
-    for channel in scene.channels {
+    let channels = if scene.octree.is_some() { met >> MET_CHANNELS_SHIFT } else { u32::MAX };
+    for at in each_bit(channels).take_while(|at| (*at as usize) < scene.channels.len()) {
+        let channel = &scene.channels[at as usize];
         let entry = channel.entry_first + place * channel.channels + channel.channel;
         let value = cache.page_table[entry as usize];
         match value >> ENTRY_STATE_SHIFT {
@@ -145,22 +153,61 @@ pub fn march_bricks(
         };
         let transmitted = attenuate(state.optical_depth).transmitted * block.transmitted;
         let weight = 1 + (transmitted * 255.0) as u32;
+        let brick_at = |steps: u32| -> ([i32; 3], [i32; 3]) {
+            let position = at(steps as f32);
+            let voxel: [i32; 3] =
+                std::array::from_fn(|a| anchor.cell[a] + (position[a] + 0.5).floor() as i32);
+            let brick = std::array::from_fn(|a| {
+                (voxel[a].max(0) / scene.payload[a]).min(scene.levels[level].bricks[a] as i32 - 1)
+            });
+            (voxel, brick)
+        };
+        let until = |steps: u32, first: [i32; 3], edge: [i32; 3]| {
+            let near = std::array::from_fn(|a| first[a] - anchor.cell[a]);
+            steps + samples_until_border(at(steps as f32), step_voxel, near, edge)
+        };
         let mut runs: Vec<Run> = Vec::new();
         let mut known = sample_index;
-        while runs.len() < RUNS && known < samples {
-            let position = at(known as f32);
-            let brick: [i32; 3] = std::array::from_fn(|a| {
-                let voxel = anchor.cell[a] + (position[a] + 0.5).floor() as i32;
-                (voxel.max(0) / scene.payload[a]).min(scene.levels[level].bricks[a] as i32 - 1)
-            });
-            let found: Vec<Found> = scene
-                .channels
-                .iter()
-                .map(|channel| match settings.substitute {
-                    false => look_up(cache, scene, channel, (level, brick), push.round),
-                    true => substitute(cache, scene, channel, (level, brick), push.round, weight),
-                })
-                .collect();
+        // With an octree, which samples show something is known before any brick is looked up.
+        let mut ahead: Vec<(u32, u32, u32)> = Vec::new();
+        let mut last_brick = [-1; 3];
+        while let (Some(leaves), true) = (&scene.octree, known < samples) {
+            let (voxel, brick) = brick_at(known);
+            let (shows, first, edge) = leaves.around(level, voxel);
+            let end = until(known, first, edge);
+            if shows != 0 {
+                if brick != last_brick && ahead.len() == RUNS {
+                    break;
+                }
+                if brick != last_brick {
+                    ahead.push((known, 0, 0));
+                    last_brick = brick;
+                }
+                let (_, channels, shown) = ahead.last_mut().expect("a run was begun");
+                *channels |= shows;
+                *shown |= bits_between(known, end.min(samples));
+            }
+            known = if shows != 0 { end.min(samples) } else { end };
+        }
+        let mut next = ahead.iter();
+        while runs.len() < RUNS {
+            let of_octree = next.next();
+            let (first, needed) = match (of_octree, &scene.octree) {
+                (Some((first, channels, _)), _) => (*first, *channels),
+                (None, None) if known < samples => (known, u32::MAX),
+                _ => break,
+            };
+            let (_, brick) = brick_at(first);
+            let look_up = |(number, channel): (usize, &Channel)| {
+                if needed >> number & 1 == 0 {
+                    Found { has: Has::Nothing, state: ENTRY_HIDDEN, shift: [0; 3] }
+                } else if settings.substitute {
+                    substitute(cache, scene, channel, (level, brick), push.round, weight)
+                } else {
+                    look_up(cache, scene, channel, (level, brick), push.round)
+                }
+            };
+            let found: Vec<Found> = scene.channels.iter().enumerate().map(look_up).collect();
             for found in &found {
                 partial.met |= match found.state {
                     ENTRY_FAILED => MET_FAILED,
@@ -171,15 +218,33 @@ pub fn march_bricks(
             if found.iter().any(|found| found.state <= ENTRY_EXPECTED) {
                 if !settings.substitute {
                     missing = Some(place_of_brick(&scene.levels[level], brick));
+                    if scene.octree.is_some() {
+                        known = first;
+                        partial.met = partial.met & MET_STATES | needed << MET_CHANNELS_SHIFT;
+                    }
                     break;
                 }
                 partial.met |= MET_PENDING;
             }
-            let first = std::array::from_fn(|a| brick[a] * scene.payload[a] - anchor.cell[a]);
-            let end = known + samples_until_border(position, step_voxel, first, scene.payload);
-            runs.push(Run { first: known, end, found });
-            known = end;
+            let nothing = found.iter().all(|found| matches!(found.has, Has::Nothing));
+            let shown = match of_octree {
+                Some((_, _, shown)) => *shown,
+                None => {
+                    let first_voxel = std::array::from_fn(|a| brick[a] * scene.payload[a]);
+                    let begin = known;
+                    known = until(known, first_voxel, scene.payload);
+                    match scene.skipping && nothing {
+                        true => 0,
+                        false => {
+                            known = known.min(samples);
+                            bits_between(begin, known)
+                        }
+                    }
+                }
+            };
+            runs.push(Run { shown, found });
         }
+        sample_index = known;
         let texel = |channel: &Channel, found: &Found, origin: [i32; 3], steps: f32| {
             let (corner, within) = cell_in_level(anchor.cell, at(steps), found.shift);
             let corner = std::array::from_fn(|a| origin[a] + corner[a] + 1);
@@ -192,15 +257,10 @@ pub fn march_bricks(
             let way = std::array::from_fn(|a| 0.5 * step_voxel[a] / (1 << found.shift[a]) as f32);
             filtered_along(&channel.atlas, corner, within, way, |texel| texel)
         };
-        for Run { first, end, found } in &runs {
-            if scene.skipping && found.iter().all(|found| matches!(found.has, Has::Nothing)) {
-                sample_index = *end;
-                continue;
-            }
-            sample_index = (*end).min(samples);
+        for Run { shown, found } in &runs {
             let channels = || scene.channels.iter().zip(found);
             if settings.preintegrated {
-                for index in *first..sample_index {
+                for index in each_bit(*shown) {
                     let points = channels().map(|(channel, found)| {
                         let points = [0.0, 1.0, 2.0].map(|phase| match found.has {
                             Has::Nothing => Point::NONE,
@@ -227,9 +287,11 @@ pub fn march_bricks(
                         composite_span(&mut block, &contents, 0.5 * geometry.step_world);
                     }
                 }
-                state.samples_taken += 2 * (sample_index - first) + 1;
+                // Neighbours share a point.
+                let groups = (shown & !(shown << 1)).count_ones();
+                state.samples_taken += 2 * shown.count_ones() + groups;
             } else {
-                for index in *first..sample_index {
+                for index in each_bit(*shown) {
                     let mut medium = Medium::new(scene.channels.len() > 1);
                     for (channel, found) in channels() {
                         let classified = match found.has {
@@ -244,7 +306,7 @@ pub fn march_bricks(
                     }
                     block.composite(medium.mixed(), geometry.step_world);
                 }
-                state.samples_taken += sample_index - first;
+                state.samples_taken += shown.count_ones();
             }
         }
         if sample_index >= samples {

@@ -61,7 +61,10 @@ pub fn march_bricks(
         let mut place = rays.places[ray];
         let round = push.round;
         let goes_on = place != PLACE_ENDED;
-        if goes_on && (place == PLACE_RUNNING || !mark_place(cache, scene, round, place)) {
+        if goes_on
+            && (place == PLACE_RUNNING
+                || !mark_place(cache, scene, round, place, rays.blocks[ray].met))
+        {
             let (state, partial) = (&mut rays.states[ray], &mut rays.blocks[ray]);
             let mut blocks_left = push.blocks_max;
             place = loop {
@@ -91,7 +94,7 @@ pub fn march_bricks(
                 state.next_sample = 0;
             };
             if place < PLACE_RUNNING {
-                mark_place(cache, scene, round, place);
+                mark_place(cache, scene, round, place, rays.blocks[ray].met);
             }
             rays.places[ray] = place;
             cache.progress.moved += 1;

@@ -4,6 +4,7 @@
 //! A twin is compared with its shader number by number; it is no reference: what both get wrong, only
 //! `reference/` can tell.
 
+pub mod bits;
 pub mod brick_march;
 pub mod cache;
 pub mod cast;

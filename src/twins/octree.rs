@@ -1,5 +1,6 @@
 //! The residency octree as rays see it: boxes of a volume in tiers of nodes, a tree for each level, and
-//! one small word for each leaf that says which channels show something in the box around.
+//! one small word for each leaf that says which channels show something in the box around. The last part,
+//! from [`LevelLeaves`] on, is the twin of `shaders/common/octree.glsl`.
 //!
 //! A node is a box in space, whatever the level; what is known of it, is known for one level: means of
 //! a coarser level reach beyond the voxels that they stand for, so that no level's range bounds another's.
@@ -214,4 +215,71 @@ pub fn here(leaf: [u32; 3], tiers: &[Tier], tree: &Tree, words: &[u32], voxel: [
     let tier = &tiers[(tree.tier + (word >> RISE_SHIFT)) as usize];
     let (first, edge) = box_of_node(leaf, tree, tier, lowest.ancestor(tier, node));
     Here { shows: word & SHOWS, one_value: word & ONE_VALUE != 0, first, edge }
+}
+
+/// The leaves of one level, as rays find them.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct LevelLeaves {
+    /// Leaves along each axis.
+    pub leaves: [u32; 3],
+    /// Its first leaf's word.
+    pub first_word: u32,
+    /// So often is `leaf` doubled along the edges of the level's leaves.
+    pub shift: [u32; 3],
+    /// Nothing.
+    pub unused_0: u32,
+    /// From bit 3 * rise on: how often the edge of a leaf is doubled in the box of such a word.
+    pub rises: [u32; 3],
+    /// Nothing.
+    pub unused_1: u32,
+    /// How often it is doubled in a brick.
+    pub brick_shift: [u32; 3],
+    /// Nothing.
+    pub unused_2: u32,
+}
+
+/// Bits of a rise in [`LevelLeaves::rises`]: boxes are at most [`RISE_LEAVES`] leaves wide.
+pub const RISE_BITS: u32 = 3;
+
+/// Leaves as one view's rays find them.
+#[derive(Clone, Copy)]
+pub struct Leaves<'a> {
+    /// Voxels along the edges of a leaf of level 0.
+    pub leaf: [u32; 3],
+    /// Of each level.
+    pub levels: &'a [LevelLeaves],
+    /// Words, packed into `bits` each.
+    pub words: &'a [u32],
+    /// 8, 16 or 32.
+    pub bits: u32,
+}
+
+impl Leaves<'_> {
+    /// Which channels show something around a voxel of a level, and in how large a box that is all; where
+    /// some does, in one brick.
+    pub fn around(&self, level: usize, voxel: [i32; 3]) -> (u32, [i32; 3], [i32; 3]) {
+        let of_level = &self.levels[level];
+        let edge: [u32; 3] = std::array::from_fn(|a| self.leaf[a] << of_level.shift[a]);
+        let leaf: [u32; 3] =
+            std::array::from_fn(|a| (voxel[a].max(0) as u32 / edge[a]).min(of_level.leaves[a] - 1));
+        let [x, y, z] = leaf;
+        let index = of_level.first_word + (z * of_level.leaves[1] + y) * of_level.leaves[0] + x;
+        let bit = index * self.bits;
+        let packed = self.words[(bit / 32) as usize] >> (bit % 32);
+        let packed = if self.bits < 32 { packed & ((1 << self.bits) - 1) } else { packed };
+        let word = unpacked(packed, self.bits);
+        let shows = word & SHOWS;
+        let rise = word >> RISE_SHIFT;
+        let shift: [u32; 3] = std::array::from_fn(|axis| {
+            let risen = of_level.rises[axis] >> (RISE_BITS * rise) & 7;
+            if shows == 0 { risen } else { risen.min(of_level.brick_shift[axis]) }
+        });
+        let first = |axis: usize| (leaf[axis] >> shift[axis] << shift[axis]) * edge[axis];
+        (
+            shows,
+            std::array::from_fn(|axis| first(axis) as i32),
+            std::array::from_fn(|axis| (edge[axis] << shift[axis]) as i32),
+        )
+    }
 }

@@ -5,7 +5,7 @@
 //! - A leaf of a level's tree lies in one brick of that level, and its edges are whole voxels of it.
 //! - Every level has a tier whose nodes are its bricks, where the fan-out is 2.
 
-use crate::twins::octree::{Nodes, RISE_LEAVES, Tier, Tree};
+use crate::twins::octree::{LevelLeaves, Nodes, RISE_BITS, RISE_LEAVES, Tier, Tree};
 use crate::volume::{Levels, Size3};
 
 /// What is free to choose.
@@ -111,6 +111,31 @@ impl Shape {
         let tree = &self.trees[level];
         let shift = self.lowest(tree).shift;
         std::array::from_fn(|axis| self.leaf[axis] << (shift[axis] - tree.halvings[axis]))
+    }
+
+    /// The leaves of every level, as rays find them.
+    pub fn level_leaves(&self) -> Vec<LevelLeaves> {
+        let of_tree = |tree: &Tree| {
+            let lowest = self.lowest(tree);
+            let rises = |axis: usize| {
+                let tiers = &self.tiers[tree.tier as usize..=(tree.tier + tree.rise_max) as usize];
+                let doubled = tiers.iter().map(|tier| tier.shift[axis] - lowest.shift[axis]);
+                doubled
+                    .enumerate()
+                    .fold(0, |all, (rise, by)| all | by << (RISE_BITS as usize * rise))
+            };
+            LevelLeaves {
+                leaves: lowest.nodes,
+                first_word: tree.first_word,
+                shift: std::array::from_fn(|axis| lowest.shift[axis] - tree.halvings[axis]),
+                rises: std::array::from_fn(rises),
+                brick_shift: std::array::from_fn(|axis| {
+                    self.brick_shift[axis] + tree.halvings[axis] - lowest.shift[axis]
+                }),
+                ..LevelLeaves::default()
+            }
+        };
+        self.trees.iter().map(of_tree).collect()
     }
 
     /// Bricks of a level along each axis.

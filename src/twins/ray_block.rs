@@ -16,7 +16,8 @@ pub struct RayBlock {
     pub sample_index: u32,
     /// In use.
     pub level: u32,
-    /// [`MET_PENDING`], [`MET_FAILED`], [`MET_ABSENT`].
+    /// [`MET_PENDING`], [`MET_FAILED`], [`MET_ABSENT`]; from [`MET_CHANNELS_SHIFT`] on channels whose
+    /// bricks the ray waits for.
     pub met: u32,
 }
 
@@ -26,6 +27,10 @@ pub const MET_PENDING: u32 = 1;
 pub const MET_FAILED: u32 = 2;
 /// The ray went through a brick that the source does not have.
 pub const MET_ABSENT: u32 = 4;
+/// All of these.
+pub const MET_STATES: u32 = 7;
+/// From this bit on: channels whose bricks a ray waits for, where that is not all of them.
+pub const MET_CHANNELS_SHIFT: u32 = 3;
 
 impl RayBlock {
     /// Nothing marched yet.
@@ -40,7 +45,7 @@ pub fn tinted(color: [f32; 4], met: u32, waits: bool) -> [f32; 4] {
         [0.8, 0.22, 0.0]
     } else if waits || met & MET_PENDING != 0 {
         [0.0, 0.17, 0.45]
-    } else if met != 0 {
+    } else if met & MET_STATES != 0 {
         [0.5; 3]
     } else {
         return color;

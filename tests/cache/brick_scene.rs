@@ -10,9 +10,10 @@ use ashfall::twins::filter::Texels;
 use ashfall::twins::ranks::LevelView;
 use ashfall::twins::ray_march;
 use ashfall::twins::transfer::TransferSegment;
-use ashfall::volume::{Levels, Size3};
+use ashfall::volume::{Levels, Size3, ValueRange};
 
 use crate::common::device::Device;
+use crate::leaves::LeafWords;
 use crate::random::Random;
 use crate::world::{Brick, Plan, World, below, chance, draw};
 
@@ -37,6 +38,14 @@ pub struct Spec {
     pub preintegrated: bool,
 }
 
+/// What a ray leaves out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Skipping {
+    Nothing,
+    Bricks,
+    Boxes,
+}
+
 pub struct BrickScene {
     pub spec: Spec,
     pub levels: Levels,
@@ -54,6 +63,7 @@ pub struct BrickScene {
     /// `[entry]` the brick shows nothing.
     pub is_nothing: Vec<bool>,
     pub constants: Vec<[f32; 4]>,
+    pub leaf_words: LeafWords,
 }
 
 impl Spec {
@@ -114,6 +124,17 @@ impl BrickScene {
         if spec.preintegrated {
             segments.iter_mut().for_each(open_both_ends);
         }
+        let leaf_words = LeafWords::new(
+            &levels,
+            spec.payload,
+            places.len(),
+            VISIBLE,
+            |level, channel, start, end| {
+                let at = level.checked_sub(spec.level)?;
+                let voxels = &voxels.get(at)?[channel];
+                Some(range_in_box(voxels, sizes[at], start, end))
+            },
+        );
         let texels_of_slot = payload.iter().map(|edge| edge + 2).product::<u32>();
         let mut scene = BrickScene {
             spec,
@@ -127,6 +148,7 @@ impl BrickScene {
             voxels,
             segments,
             slots_across,
+            leaf_words,
         };
         scene.constants[7] = [f32::NAN; 4];
         let mut free = vec![(0..slots).collect::<Vec<u32>>(); spec.atlases.len()];
@@ -189,7 +211,7 @@ impl BrickScene {
         self.is_nothing[entry as usize] = !visible;
     }
 
-    pub fn shape(&self, skipping: bool) -> BrickShape {
+    pub fn shape(&self, skipping: Skipping) -> BrickShape {
         let atlas = |shape: &ashfall::twins::cache::CacheRound| AtlasShape {
             entry_first: shape.entry_first,
             channels: shape.channels,
@@ -217,7 +239,8 @@ impl BrickScene {
             },
             several_levels: self.spec.levels > 1,
             views: 1,
-            skipping,
+            skipping: skipping == Skipping::Bricks,
+            octree: (skipping == Skipping::Boxes).then(|| self.leaf_words.shape()),
             show_states: true,
             marks: true,
             payload: self.spec.payload,
@@ -257,7 +280,8 @@ impl BrickScene {
     pub fn with_scene<T>(
         &self,
         levels: &[LevelView],
-        skipping: bool,
+        known: bool,
+        skipping: Skipping,
         take: impl FnOnce(&Scene) -> T,
     ) -> T {
         let channel = |(index, (atlas, number)): (usize, &(usize, u32))| {
@@ -279,7 +303,8 @@ impl BrickScene {
             constants: &self.constants,
             payload: self.spec.payload.map(|edge| edge as i32),
             slot: self.slot_size().map(|edge| edge as i32),
-            skipping,
+            skipping: skipping == Skipping::Bricks,
+            octree: (skipping == Skipping::Boxes).then(|| self.leaf_words.leaves(known)),
         })
     }
 
@@ -297,6 +322,21 @@ impl BrickScene {
 }
 
 /// Boxes of invisible values in between of visible ones; the edge is repeated around the volume.
+/// Of voxels with their apron; the box ends before `end`.
+fn range_in_box(voxels: &[f32], size: [u32; 3], start: [i64; 3], end: [i64; 3]) -> ValueRange {
+    let stored = size.map(|edge| i64::from(edge) + 2);
+    let mut range = ValueRange::EMPTY;
+    for z in start[2]..end[2] {
+        for y in start[1]..end[1] {
+            for x in start[0]..end[0] {
+                let at = ((z + 1) * stored[1] + y + 1) * stored[0] + x + 1;
+                range = range.with(voxels[at as usize]);
+            }
+        }
+    }
+    range
+}
+
 fn random_voxels(random: &mut Random, seed: u32, size: [u32; 3], spec: &Spec) -> Vec<f32> {
     let mut inner = vec![0.0; size.iter().product::<u32>() as usize];
     for (index, voxel) in inner.iter_mut().enumerate() {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use ashfall::gpu::{Buffer, ComputePipeline, Image, Sampler, SamplerFilter};
 use ashfall::passes::cache_buffers::CacheBuffers;
-use ashfall::passes::march_bricks::{self, RayBuffers, Resources};
+use ashfall::passes::march_bricks::{self, OctreeBuffers, RayBuffers, Resources};
 use ashfall::passes::march_shape::FilterShape;
 use ashfall::passes::rays;
 use ashfall::twins::brick_march::Settings;
@@ -24,7 +24,7 @@ use ashfall::twins::ray_march;
 use ashfall::twins::ray_setup::ViewRays;
 use ashfall::twins::rays::{BrickPush, rays_for_bricks};
 
-use crate::brick_scene::{BrickScene, Spec};
+use crate::brick_scene::{BrickScene, Skipping, Spec};
 use crate::common::device::{Device, device};
 use crate::faults::{Fault, all_noticed};
 use crate::on_device::{buffers, compare, read, write};
@@ -72,15 +72,16 @@ struct Bench<'d> {
     atlases: Vec<Image>,
     sampler: Sampler,
     set_up: Arc<ComputePipeline>,
-    /// Without and with skipping.
-    march: [Arc<ComputePipeline>; 2],
+    octree: OctreeBuffers,
+    /// By what is skipped.
+    march: [Arc<ComputePipeline>; 3],
 }
 
 /// One way to the end.
 #[derive(Clone, Copy, Debug)]
 struct Way {
     seed: u64,
-    skipping: bool,
+    skipping: Skipping,
     /// Bricks of nothing are hidden; else all are mapped.
     hides: bool,
     /// Some bricks are constant, absent, failed or hidden whatever their voxels.
@@ -141,6 +142,9 @@ impl Bench<'_> {
         let mut stand_ins = 0;
         for round in 1..1000 {
             let what = format!("{way:?}, round {round}");
+            // For three rounds nothing is known of the leaves.
+            let known = way.ready || round > 3;
+            write(&self.octree.leaf_words, &scene.leaf_words.words[usize::from(known)]);
             // Where nothing waits, every round begins anew.
             if round == 1 || substitute {
                 rays = rays_for_bricks(&[self.rays_of_view], &self.levels, &self.push);
@@ -159,7 +163,7 @@ impl Bench<'_> {
             };
             for piece in 0..pieces.len() {
                 let push = self.march_push(round, pieces, piece);
-                scene.with_scene(&self.levels, way.skipping, |twin| {
+                scene.with_scene(&self.levels, known, way.skipping, |twin| {
                     let views = [self.rays_of_view];
                     march_by_twin(&mut rays, &mut cache, twin, &settings, &views, &push);
                 });
@@ -244,7 +248,7 @@ impl Bench<'_> {
         write(&on_device.wished, &cache.wished);
         write(&on_device.progress, &[cache.progress]);
         on_device.wish_weight.iter().for_each(|weight| write(weight, &cache.wish_weight));
-        let pipeline = &self.march[usize::from(way.skipping)];
+        let pipeline = &self.march[way.skipping as usize];
         self.device.run(|recorder| {
             for piece in 0..pieces.len() {
                 let push = self.march_push(round, pieces, piece);
@@ -254,6 +258,7 @@ impl Bench<'_> {
                     constants: &self.constants,
                     atlases: &self.atlases,
                     sampler: &self.sampler,
+                    octree: Some(&self.octree),
                 };
                 march_bricks::record(recorder, pipeline, on_device, rays, &resources, &push);
             }
@@ -353,6 +358,8 @@ fn without_last(states: &[RayState]) -> Vec<RayState> {
 struct Seen {
     /// Rays that skip.
     skipped: u32,
+    /// Rays that leave out more with an octree.
+    skipped_in_bricks: u32,
     /// Rays that see something.
     hits: u32,
     /// Rays that go through several levels.
@@ -386,8 +393,8 @@ fn check(device: &Device, spec: Spec, seed: u64, scenes: u32) -> Seen {
             level_views(&scene.levels, spec.payload, &rays_of_view, spec.level, &depths, step);
         let (set_up, march) = pipelines.get_or_insert_with(|| {
             let set_up = device.pipeline(&rays::brick_variant(1, levels.len() as u32));
-            let march =
-                [false, true].map(|skipping| device.pipeline(&scene.shape(skipping).variant()));
+            let march = [Skipping::Nothing, Skipping::Bricks, Skipping::Boxes]
+                .map(|skipping| device.pipeline(&scene.shape(skipping).variant()));
             (set_up, march)
         });
         let bench = Bench {
@@ -408,6 +415,10 @@ fn check(device: &Device, spec: Spec, seed: u64, scenes: u32) -> Seen {
             sampler: Sampler::new(&device.gpu, SamplerFilter::Nearest).expect("a sampler"),
             set_up: set_up.clone(),
             march: march.clone(),
+            octree: OctreeBuffers {
+                level_leaves: device.filled("level_leaves", &scene.leaf_words.levels),
+                leaf_words: device.filled("leaf_words", &scene.leaf_words.words[0]),
+            },
             scene,
             levels,
             rays_of_view,
@@ -418,7 +429,7 @@ fn check(device: &Device, spec: Spec, seed: u64, scenes: u32) -> Seen {
             seen.stand_ins += stand_ins;
             states
         };
-        let way = Way { seed, skipping: false, hides: false, odd: false, ready: true };
+        let way = Way { seed, skipping: Skipping::Nothing, hides: false, odd: false, ready: true };
         let whole = run(&way);
         let image = bench.whole();
         // Where bricks meet, the end of one sample and the start of the next are fetched apart.
@@ -432,7 +443,7 @@ fn check(device: &Device, spec: Spec, seed: u64, scenes: u32) -> Seen {
         let hides = Way { hides: true, ready: false, ..way };
         let hidden = run(&Way { seed: seed + 2, ..hides });
         assert_eq!(bytes(&hidden), bytes(&whole), "{spec:?}: hidden bricks show");
-        let skips = run(&Way { seed: seed + 3, skipping: true, ..hides });
+        let skips = run(&Way { seed: seed + 3, skipping: Skipping::Bricks, ..hides });
         let [a, b] = [without_samples(&skips), without_samples(&whole)];
         assert_eq!(bytes(&a), bytes(&b), "{spec:?}: skipping changes the end");
         for (skips, whole) in skips.iter().zip(&whole) {
@@ -440,8 +451,19 @@ fn check(device: &Device, spec: Spec, seed: u64, scenes: u32) -> Seen {
             seen.skipped += u32::from(skips.samples_taken < whole.samples_taken);
             seen.hits += u32::from(whole.optical_depth > 0.0);
         }
+        let octree = Way { skipping: Skipping::Boxes, ..hides };
+        for (order, ready) in [(0, true), (1, false)] {
+            let boxes = run(&Way { seed: seed + 6 + order, ready, ..octree });
+            let [a, b] = [without_samples(&boxes), without_samples(&whole)];
+            assert_eq!(bytes(&a), bytes(&b), "{spec:?}: boxes change the end, {ready}");
+            for (boxes, skips) in boxes.iter().zip(&skips).filter(|_| ready) {
+                seen.skipped_in_bricks += u32::from(boxes.samples_taken < skips.samples_taken);
+            }
+        }
         let odd = Way { odd: true, hides: true, ready: false, ..way };
-        let ends = [false, true].map(|skipping| {
+        // Leaves speak of voxels that are not there.
+        run(&Way { seed: seed + 8, skipping: Skipping::Boxes, ..odd });
+        let ends = [Skipping::Nothing, Skipping::Bricks].map(|skipping| {
             let ends: Vec<_> =
                 (0..2).map(|order| run(&Way { seed: seed + 4 + order, skipping, ..odd })).collect();
             // What stands in for a failed brick is what happens to be there.
@@ -467,6 +489,7 @@ fn rays_through_bricks_equal_the_twin_and_end_alike_in_every_order() {
     for (seed, spec) in (800..).step_by(100).zip(SPECS) {
         let seen = check(&device, *spec, seed, 4);
         assert!(seen.skipped > 20 && seen.hits > 20, "{spec:?}: {seen:?}");
+        assert!(seen.skipped_in_bricks > 0, "{spec:?}: {seen:?}");
     }
 }
 
@@ -482,6 +505,7 @@ fn rays_through_levels_equal_the_twin_and_end_alike_in_every_order() {
     for (seed, spec) in (2000..).step_by(100).zip(SPECS_OF_LEVELS) {
         let seen = check(&device, *spec, seed, 4);
         assert!(seen.skipped > 20 && seen.hits > 20, "{spec:?}: {seen:?}");
+        assert!(seen.skipped_in_bricks > 0, "{spec:?}: {seen:?}");
         assert!(seen.crossing > 20 || spec.levels == 1, "{spec:?}: {seen:?}");
         assert!(seen.stand_ins > 100 || !spec.substitute, "{spec:?}: {seen:?}");
     }

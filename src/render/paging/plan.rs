@@ -175,6 +175,7 @@ impl PagingPlan {
             several_levels: views.iter().any(ViewLevels::several),
             views: scene.views.len(),
             skipping: settings.skipping,
+            octree: None,
             show_states: settings.paging.show_states,
             marks: settings.paging.marks,
             payload: description.payload.to_array(),

@@ -95,6 +95,7 @@ impl Renderer {
                 constants: &paged.constants,
                 atlases: paged.residency.atlases(),
                 sampler,
+                octree: None,
             };
             for dispatch in first..last {
                 let push = twins::march_bricks::Push {
