@@ -486,11 +486,13 @@ fn rays_through_bricks_equal_the_twin_and_end_alike_in_every_order() {
         eprintln!("SKIPPED: joined operations change bits, and with them where rays stop early");
         return;
     }
+    let mut in_bricks = 0;
     for (seed, spec) in (800..).step_by(100).zip(SPECS) {
         let seen = check(&device, *spec, seed, 4);
         assert!(seen.skipped > 20 && seen.hits > 20, "{spec:?}: {seen:?}");
-        assert!(seen.skipped_in_bricks > 0, "{spec:?}: {seen:?}");
+        in_bricks += seen.skipped_in_bricks;
     }
+    assert!(in_bricks > 100, "{in_bricks}");
 }
 
 /// The same from level to level, and where coarser levels stand in: what rays take, wish and remember in
@@ -502,13 +504,15 @@ fn rays_through_levels_equal_the_twin_and_end_alike_in_every_order() {
         eprintln!("SKIPPED: joined operations change bits, and with them where rays stop early");
         return;
     }
+    let mut in_bricks = 0;
     for (seed, spec) in (2000..).step_by(100).zip(SPECS_OF_LEVELS) {
         let seen = check(&device, *spec, seed, 4);
         assert!(seen.skipped > 20 && seen.hits > 20, "{spec:?}: {seen:?}");
-        assert!(seen.skipped_in_bricks > 0, "{spec:?}: {seen:?}");
+        in_bricks += seen.skipped_in_bricks;
         assert!(seen.crossing > 20 || spec.levels == 1, "{spec:?}: {seen:?}");
         assert!(seen.stand_ins > 100 || !spec.substitute, "{spec:?}: {seen:?}");
     }
+    assert!(in_bricks > 100, "{in_bricks}");
 }
 
 #[rustfmt::skip]
