@@ -71,10 +71,12 @@ impl Job {
                     read_checked(source, id, buffer)
                 });
                 let read = read.and_then(|()| {
-                    let leaf_ranges = inspect.map(|inspect| {
-                        guarded(id, "inspection", || Ok(inspect(id, buffer)))
-                    });
-                    Ok(Read { bytes: Arc::from(&buffer[..]), leaf_ranges: leaf_ranges.transpose()? })
+                    let leaf_ranges = inspect
+                        .map(|inspect| guarded(id, "inspection", || Ok(inspect(id, buffer))));
+                    Ok(Read {
+                        bytes: Arc::from(&buffer[..]),
+                        leaf_ranges: leaf_ranges.transpose()?,
+                    })
                 });
                 if read.is_err() {
                     // A source that came back long must not leave a long buffer behind.

@@ -38,11 +38,7 @@ impl Loaders {
     ///
     /// # Errors
     /// When the machine gives no thread.
-    pub fn start(
-        sources: Sources,
-        inspect: Option<Inspect>,
-        count: usize,
-    ) -> Result<Loaders> {
+    pub fn start(sources: Sources, inspect: Option<Inspect>, count: usize) -> Result<Loaders> {
         let jobs_max = count * JOBS_PER_LOADER;
         let (jobs, wanted) = bounded(jobs_max);
         let (send, arrivals) = bounded(jobs_max);

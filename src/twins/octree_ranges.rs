@@ -140,12 +140,24 @@ pub fn update_ranges(
     of: impl Fn([u32; 3]) -> ValueRange,
     work: &mut Work,
 ) -> Nodes {
+    update_some_ranges(shape, level, ranges, leaves, |leaf| Some(of(leaf)), work)
+}
+
+/// The same where some of the leaves keep what they have.
+pub fn update_some_ranges(
+    shape: &Shape,
+    level: usize,
+    ranges: &mut Ranges,
+    leaves: Nodes,
+    of: impl Fn([u32; 3]) -> Option<ValueRange>,
+    work: &mut Work,
+) -> Nodes {
     let tree = &shape.trees[level];
     let lowest = shape.lowest(tree);
     let mut changed = Nodes::NONE;
     work.looked_at += leaves.count();
     for node in leaves.each() {
-        if ranges.set(tree.number(lowest, node), of(node)) {
+        if of(node).is_some_and(|range| ranges.set(tree.number(lowest, node), range)) {
             changed = changed.with(node);
             work.changed += 1;
         }

@@ -9,6 +9,8 @@
 //! residency-octree-2023 section 6.1 and figure 8: the largest node in which all channels are empty. There
 //! rays look for it; here it is found when something changes.
 
+use std::ops::Range;
+
 use crate::twins::octree::{CHANNELS_MAX, DIFFERS, Nodes, ONE_VALUE, RISE_SHIFT, SHOWS, Tree};
 use crate::twins::octree_ranges::{Ranges, Work};
 use crate::twins::octree_shape::Shape;
@@ -60,7 +62,12 @@ pub struct Words {
     pub of_leaf: Vec<u32>,
     /// `[node]` of all trees: what all leaves beneath have, without a rise, or [`DIFFERS`].
     pub of_node: Vec<u32>,
+    /// Bit for each [`RUN_WORDS`] of `of_leaf`: some of them changed since [`Words::take_changed`].
+    changed: Vec<u64>,
 }
+
+/// Words of leaves of which it is known only together whether they have changed.
+pub const RUN_WORDS: usize = 64;
 
 impl Words {
     /// Of `channels` channels of which nothing is known: all show.
@@ -69,14 +76,43 @@ impl Words {
     /// When a word has no room for so many: our own bug, since scenes are checked.
     pub fn unknown(shape: &Shape, channels: usize) -> Words {
         assert!(channels <= CHANNELS_MAX as usize, "{channels} channels in a word");
-        let all = (1 << channels) - 1;
-        let mut words = Words { of_leaf: Vec::new(), of_node: vec![all; shape.nodes()] };
+        Words::everywhere(shape, (1 << channels) - 1)
+    }
+
+    /// The same channels show everywhere, with more than one value.
+    pub fn everywhere(shape: &Shape, shows: u32) -> Words {
+        let mut of_leaf = Vec::with_capacity(shape.words());
         for tree in &shape.trees {
-            let word = all | tree.rise_max << RISE_SHIFT;
+            let word = shows | tree.rise_max << RISE_SHIFT;
             let leaves = Nodes::all(shape.lowest(tree)).count();
-            words.of_leaf.extend(std::iter::repeat_n(word, leaves as usize));
+            of_leaf.extend(std::iter::repeat_n(word, leaves as usize));
         }
-        words
+        let runs = of_leaf.len().div_ceil(RUN_WORDS);
+        Words {
+            of_leaf,
+            of_node: vec![shows; shape.nodes()],
+            changed: vec![u64::MAX; runs.div_ceil(64)],
+        }
+    }
+
+    /// Where `of_leaf` has changed since the last call, or since there are words: ranges of whole
+    /// [`RUN_WORDS`], save at the end, rising and apart.
+    pub fn take_changed(&mut self) -> Vec<Range<usize>> {
+        let mut ranges: Vec<Range<usize>> = Vec::new();
+        for (index, bits) in self.changed.iter_mut().enumerate() {
+            let mut left = std::mem::take(bits);
+            while left != 0 {
+                let start = (64 * index + left.trailing_zeros() as usize) * RUN_WORDS;
+                left &= left - 1;
+                let end = (start + RUN_WORDS).min(self.of_leaf.len());
+                match ranges.last_mut() {
+                    Some(last) if last.end == start => last.end = end,
+                    _ if start < end => ranges.push(start..end),
+                    _ => {}
+                }
+            }
+        }
+        ranges
     }
 
     /// Makes words right again where ranges of leaves of `level` have changed, in the tree of every level
@@ -110,22 +146,26 @@ impl Words {
     ) -> u64 {
         let tree = &shape.trees[level];
         let lowest = shape.lowest(tree);
-        let mut changed = Nodes::NONE;
+        let (mut stale, mut changed) = (Nodes::NONE, Nodes::NONE);
         work.looked_at += leaves.count();
         for node in leaves.each() {
             let word = word_of_leaf(shape, channels, level, node);
             let place = &mut self.of_node[tree.number(lowest, node)];
             if *place != word {
                 *place = word;
-                changed = changed.with(node);
+                stale = stale.with(node);
                 work.changed += 1;
+            } else if word & ONE_VALUE == 0 {
+                continue;
             }
+            // Of the same word, the one value may be another.
+            changed = changed.with(node);
         }
         // Upwards while something changes; then every leaf under what has changed.
-        let mut stale = changed;
         for index in tree.tier as usize + 1..=(tree.tier + tree.rise_max) as usize {
             let [finer, tier] = [&shape.tiers[index - 1], &shape.tiers[index]];
             let parents = changed.in_tier(finer, tier);
+            let mut others = Nodes::NONE;
             changed = Nodes::NONE;
             work.looked_at += parents.count();
             for parent in parents.each() {
@@ -133,22 +173,29 @@ impl Words {
                 let place = &mut self.of_node[tree.number(tier, parent)];
                 if *place != word {
                     *place = word;
-                    changed = changed.with(parent);
+                    others = others.with(parent);
                     work.changed += 1;
+                } else if word == DIFFERS || word & ONE_VALUE == 0 {
+                    continue;
                 }
+                changed = changed.with(parent);
             }
             if changed.is_empty() {
                 break;
             }
-            stale = stale.joined(changed.in_tier(tier, lowest));
+            stale = stale.joined(others.in_tier(tier, lowest));
         }
         let mut count = 0;
         work.looked_at += stale.count();
         for node in stale.each() {
             let word = self.with_rise(shape, tree, node);
-            let place = &mut self.of_leaf[(tree.first_word + lowest.index(node)) as usize];
-            count += u64::from(*place != word);
-            *place = word;
+            let index = (tree.first_word + lowest.index(node)) as usize;
+            if self.of_leaf[index] != word {
+                self.of_leaf[index] = word;
+                let run = index / RUN_WORDS;
+                self.changed[run / 64] |= 1 << (run % 64);
+                count += 1;
+            }
         }
         count
     }
