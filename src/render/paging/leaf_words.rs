@@ -74,7 +74,7 @@ struct Channel {
     ranges: Ranges,
     /// Bit by number of brick: its leaves are known from its voxels.
     learned: Vec<u64>,
-    memo: RefCell<Memo>,
+    memo: Memo,
 }
 
 impl LeafWords {
@@ -89,7 +89,7 @@ impl LeafWords {
         let channel = |LeafChannel { in_source, judge, levels }| Channel {
             ranges: Ranges::unknown(Coding::of(judge.format), shape.nodes()),
             learned: vec![0; bricks.div_ceil(64)],
-            memo: RefCell::default(),
+            memo: Memo::default(),
             levels: [levels[0].min(levels[1]), levels[1]].map(|level| level.min(last)),
             in_source,
             judge,
@@ -313,9 +313,12 @@ impl LeafWords {
         if changed.is_empty() {
             return;
         }
+        let take = |channel: &mut Channel| RefCell::new(std::mem::take(&mut channel.memo));
+        let memos: Vec<RefCell<Memo>> = channels.iter_mut().map(take).collect();
         let shows: Vec<_> = channels
             .iter()
-            .map(|channel| |range: ValueRange| channel.memo.borrow_mut().shows(channel, range))
+            .zip(&memos)
+            .map(|(channel, memo)| |range: ValueRange| memo.borrow_mut().shows(channel, range))
             .collect();
         let shown: Vec<Shown> = channels
             .iter()
@@ -327,6 +330,9 @@ impl LeafWords {
             })
             .collect();
         work.words_changed += words.update(shape, &shown, level, changed, &mut work.words);
+        for (channel, memo) in channels.iter_mut().zip(memos) {
+            channel.memo = memo.into_inner();
+        }
     }
 
     fn channels_of(&self, in_source: u16) -> Vec<usize> {
@@ -361,26 +367,25 @@ impl Channel {
 }
 
 /// Ranges judged before, since neighbours often have the same one: of each that meets in a place, the last.
+#[derive(Default)]
 struct Memo {
     judged: Vec<([u32; 2], bool)>,
 }
 
 /// A power of two.
 const MEMO_PLACES: usize = 1024;
-
-impl Default for Memo {
-    fn default() -> Memo {
-        // Of no range: what is NaN shows.
-        Memo { judged: vec![([f32::NAN.to_bits(); 2], true); MEMO_PLACES] }
-    }
-}
+/// Bits of both ends of what no range is: it shows.
+const NO_RANGE: ([u32; 2], bool) = ([u32::MAX; 2], true);
 
 impl Memo {
     fn shows(&mut self, channel: &Channel, range: ValueRange) -> bool {
+        if self.judged.is_empty() {
+            self.judged = vec![NO_RANGE; MEMO_PLACES];
+        }
         let ends = [range.least, range.greatest].map(f32::to_bits);
         // The high bits of a product with an odd number depend on all bits of both ends.
-        let mixed =
-            (u64::from(ends[0]) << 32 | u64::from(ends[1])).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let both = u64::from(ends[0]) << 32 | u64::from(ends[1]);
+        let mixed = both.wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let place = &mut self.judged[(mixed >> (64 - MEMO_PLACES.ilog2())) as usize];
         if place.0 != ends {
             *place = (ends, channel.shows(range));
