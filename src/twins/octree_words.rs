@@ -11,7 +11,9 @@
 
 use std::ops::Range;
 
-use crate::twins::octree::{CHANNELS_MAX, DIFFERS, Nodes, ONE_VALUE, RISE_SHIFT, SHOWS, Tree};
+use crate::twins::octree::{
+    CHANNELS_MAX, DIFFERS, Nodes, ONE_VALUE, RISE_SHIFT, SHOWS, Tier, Tree,
+};
 use crate::twins::octree_ranges::{Ranges, Work};
 use crate::twins::octree_shape::Shape;
 use crate::volume::ValueRange;
@@ -148,18 +150,23 @@ impl Words {
         let lowest = shape.lowest(tree);
         let (mut stale, mut changed) = (Nodes::NONE, Nodes::NONE);
         work.looked_at += leaves.count();
-        for node in leaves.each() {
-            let word = word_of_leaf(shape, channels, level, node);
-            let place = &mut self.of_node[tree.number(lowest, node)];
-            if *place != word {
-                *place = word;
-                stale = stale.with(node);
-                work.changed += 1;
-            } else if word & ONE_VALUE == 0 {
-                continue;
+        let mut row = vec![0; leaves.end[0].saturating_sub(leaves.start[0]) as usize];
+        for start in leaves.rows() {
+            words_of_row(shape, channels, level, start, &mut row);
+            let first = tree.number(lowest, start);
+            let [x, y, z] = start;
+            for (at, word) in row.iter().enumerate() {
+                let (place, node) = (&mut self.of_node[first + at], [x + at as u32, y, z]);
+                if *place != *word {
+                    *place = *word;
+                    stale = stale.with(node);
+                    work.changed += 1;
+                } else if word & ONE_VALUE == 0 {
+                    continue;
+                }
+                // Of the same word, the one value may be another.
+                changed = changed.with(node);
             }
-            // Of the same word, the one value may be another.
-            changed = changed.with(node);
         }
         // Upwards while something changes; then every leaf under what has changed.
         for index in tree.tier as usize + 1..=(tree.tier + tree.rise_max) as usize {
@@ -185,19 +192,70 @@ impl Words {
             }
             stale = stale.joined(others.in_tier(tier, lowest));
         }
-        let mut count = 0;
         work.looked_at += stale.count();
-        for node in stale.each() {
-            let word = self.with_rise(shape, tree, node);
-            let index = (tree.first_word + lowest.index(node)) as usize;
-            if self.of_leaf[index] != word {
-                self.of_leaf[index] = word;
-                let run = index / RUN_WORDS;
-                self.changed[run / 64] |= 1 << (run % 64);
-                count += 1;
+        let top = (tree.tier + tree.rise_max) as usize;
+        let nodes = stale.in_tier(lowest, &shape.tiers[top]);
+        self.rise(shape, tree, top, nodes, stale)
+    }
+
+    /// Makes words of the leaves `stale` under these nodes of the tier `index` right: they rise to the largest
+    /// node in which all leaves have the same. Says how many changed.
+    fn rise(
+        &mut self,
+        shape: &Shape,
+        tree: &Tree,
+        index: usize,
+        nodes: Nodes,
+        stale: Nodes,
+    ) -> u64 {
+        let (tier, lowest) = (&shape.tiers[index], shape.lowest(tree));
+        let mut count = 0;
+        for node in nodes.each() {
+            let word = self.of_node[tree.number(tier, node)];
+            let beneath = Nodes::NONE.with(node);
+            if word == DIFFERS {
+                let finer = &shape.tiers[index - 1];
+                let children = beneath.in_tier(tier, finer).common(stale.in_tier(lowest, finer));
+                count += match index - 1 > tree.tier as usize {
+                    true => self.rise(shape, tree, index - 1, children, stale),
+                    // Leaves do not differ from themselves.
+                    false => self.rise_not(tree, lowest, children),
+                };
+                continue;
+            }
+            let word = word | (index as u32 - tree.tier) << RISE_SHIFT;
+            let leaves = beneath.in_tier(tier, lowest).common(stale);
+            for start in leaves.rows() {
+                let first = (tree.first_word + lowest.index(start)) as usize;
+                for at in first..first + (leaves.end[0] - leaves.start[0]) as usize {
+                    count += self.put(at, word);
+                }
             }
         }
         count
+    }
+
+    /// The same of leaves that do not rise.
+    fn rise_not(&mut self, tree: &Tree, lowest: &Tier, leaves: Nodes) -> u64 {
+        let mut count = 0;
+        for start in leaves.rows() {
+            let number = tree.number(lowest, start);
+            let first = (tree.first_word + lowest.index(start)) as usize;
+            for at in 0..leaves.end[0].saturating_sub(leaves.start[0]) as usize {
+                count += self.put(first + at, self.of_node[number + at]);
+            }
+        }
+        count
+    }
+
+    fn put(&mut self, leaf: usize, word: u32) -> u64 {
+        if self.of_leaf[leaf] == word {
+            return 0;
+        }
+        self.of_leaf[leaf] = word;
+        let run = leaf / RUN_WORDS;
+        self.changed[run / 64] |= 1 << (run % 64);
+        1
     }
 
     /// Equal words of all children, and one value only where they share it.
@@ -213,9 +271,12 @@ impl Words {
         let [finer, tier] = [&shape.tiers[index - 1], &shape.tiers[index]];
         let children = Nodes::NONE.with(parent).in_tier(tier, finer);
         let first = self.of_node[tree.number(finer, children.start)];
-        if first == DIFFERS
-            || children.each().any(|child| self.of_node[tree.number(finer, child)] != first)
-        {
+        let along = (children.end[0] - children.start[0]) as usize;
+        let same = |start| {
+            let row = &self.of_node[tree.number(finer, start)..][..along];
+            row.iter().all(|word| *word == first)
+        };
+        if first == DIFFERS || !children.rows().all(same) {
             return DIFFERS;
         }
         let shared = |channel: &Shown| {
@@ -225,17 +286,6 @@ impl Words {
         let mut shown = channels.iter().enumerate().filter(|(at, _)| first >> at & 1 == 1);
         let one = first & ONE_VALUE == 0 || shown.all(|(_, channel)| shared(channel));
         if one { first } else { DIFFERS }
-    }
-
-    /// A leaf's word as rays read it: risen to the largest node in which all leaves have the same.
-    fn with_rise(&self, shape: &Shape, tree: &Tree, leaf: [u32; 3]) -> u32 {
-        let lowest = shape.lowest(tree);
-        let same = |rise: &u32| {
-            let tier = &shape.tiers[(tree.tier + rise) as usize];
-            self.of_node[tree.number(tier, lowest.ancestor(tier, leaf))] != DIFFERS
-        };
-        let rise = (1..=tree.rise_max).take_while(same).last().unwrap_or(0);
-        self.of_node[tree.number(lowest, leaf)] | rise << RISE_SHIFT
     }
 }
 
@@ -251,16 +301,32 @@ fn range_in(
     channel.ranges.get(shape.node_around(channel.level(level), index, node))
 }
 
-fn word_of_leaf(shape: &Shape, channels: &[Shown], level: usize, leaf: [u32; 3]) -> u32 {
-    let index = shape.trees[level].tier as usize;
-    let mut word = ONE_VALUE;
+/// Words of a row of leaves along x, without rises.
+fn words_of_row(shape: &Shape, channels: &[Shown], level: usize, start: [u32; 3], row: &mut [u32]) {
+    let from = shape.lowest(&shape.trees[level]);
+    row.fill(ONE_VALUE);
     for (at, channel) in channels.iter().enumerate() {
-        match class_of(range_in(shape, channel, level, index, leaf), channel.shows) {
-            Class::Nothing => {}
-            Class::OneValue => word |= 1 << at,
-            Class::Something => word = (word | 1 << at) & !ONE_VALUE,
+        let tree = &shape.trees[channel.level(level)];
+        // The node around, where the channel's own leaves are larger.
+        let tier = &shape.tiers[tree.tier.max(shape.trees[level].tier) as usize];
+        let [_, y, z] = from.ancestor(tier, start);
+        let first = tree.number(tier, [0, y, z]);
+        let shift = tier.shift[0] - from.shift[0];
+        // Neighbours often have the same.
+        let (mut last, mut class) = (None, Class::Nothing);
+        for (x, word) in (start[0]..).zip(&mut *row) {
+            let codes = channel.ranges.codes(first + (x >> shift) as usize);
+            if last != Some(codes) {
+                last = Some(codes);
+                class = class_of(channel.ranges.coding.range(codes), channel.shows);
+            }
+            match class {
+                Class::Nothing => {}
+                Class::OneValue => *word |= 1 << at,
+                Class::Something => *word = (*word | 1 << at) & !ONE_VALUE,
+            }
         }
     }
     // Of nothing it is not said that it has one value.
-    if word & SHOWS == 0 { 0 } else { word }
+    row.iter_mut().filter(|word| **word & SHOWS == 0).for_each(|word| *word = 0);
 }
