@@ -1,5 +1,5 @@
 //! The residency octree: its twin against a naive model over long random runs, rays through its nodes
-//! against the voxels themselves, its shader against the twin, and what exact ranges are for.
+//! against the voxels themselves, the host's books of it, its shader against the twin, and what exact ranges are for.
 //!
 //! Long runs: `cargo test --test octree -- --include-ignored`. A failure names seed and step.
 
@@ -11,6 +11,8 @@ mod truth;
 mod early_stop;
 #[path = "octree/faults.rs"]
 mod faults;
+#[path = "octree/host.rs"]
+mod host;
 #[path = "octree/model.rs"]
 mod model;
 #[path = "octree/narrow_windows.rs"]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::error::{Error, Result};
 use crate::loading::Block;
 use crate::source::BrickEntry;
-use crate::volume::BrickId;
+use crate::volume::{BrickId, ValueRange};
 
 /// A brick that somebody waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,6 +27,9 @@ pub enum Delivery {
         bytes: Arc<[u8]>,
         /// Whether nothing had to be read for this wish.
         from_cache: bool,
+        /// What [`Inspect`](crate::loading::Inspect) says of the voxels. Nothing where nobody asks, nor from
+        /// the cache: it was said with the delivery that followed the read, in the same epoch.
+        leaf_ranges: Option<Vec<ValueRange>>,
     },
     /// A wished brick that could not be read, however often it was tried. Said once an epoch.
     Failed {

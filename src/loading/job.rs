@@ -7,10 +7,22 @@ use std::sync::Arc;
 use crate::error::{Error, Exit, Result};
 use crate::loading::{Block, DoneWork};
 use crate::source::{BrickEntry, BrickSource, read_checked};
-use crate::volume::BrickId;
+use crate::volume::{BrickId, ValueRange};
 
 /// The sources by volume.
 pub type Sources = Arc<[Arc<dyn BrickSource>]>;
+
+/// What somebody learns of a brick from its voxels, as `BrickSource::read` gives them: ranges of its leaves.
+/// Loaders call it, since they have the voxels at hand and time.
+pub type Inspect = Arc<dyn Fn(BrickId, &[u8]) -> Vec<ValueRange> + Send + Sync>;
+
+/// A brick that a loader has read.
+pub struct Read {
+    /// Its voxels.
+    pub bytes: Arc<[u8]>,
+    /// What [`Inspect`] says of them, where somebody asks.
+    pub leaf_ranges: Option<Vec<ValueRange>>,
+}
 
 /// Work for a loader.
 #[derive(Clone, Copy, Debug)]
@@ -24,7 +36,7 @@ pub enum Job {
 /// What became of a job.
 pub enum Arrival {
     /// Of [`Job::Read`].
-    Read(BrickId, Result<Arc<[u8]>>),
+    Read(BrickId, Result<Read>),
     /// Of [`Job::Survey`].
     Survey(Block, Vec<(BrickId, Result<BrickEntry>)>),
 }
@@ -34,7 +46,7 @@ impl Arrival {
     pub fn work(&self) -> DoneWork {
         match self {
             Arrival::Read(id, read) => {
-                DoneWork::Read { id: *id, bytes: read.as_ref().ok().map(|b| b.len() as u64) }
+                DoneWork::Read { id: *id, bytes: read.as_ref().ok().map(|r| r.bytes.len() as u64) }
             }
             Arrival::Survey(block, entries) => {
                 DoneWork::Survey { block: *block, bricks: entries.len() as u64 }
@@ -46,13 +58,25 @@ impl Arrival {
 impl Job {
     /// Does it. `buffer` keeps its memory between reads, so that a brick is allocated once, at its
     /// own size, which is what the cache counts.
-    pub fn run(self, sources: &[Arc<dyn BrickSource>], buffer: &mut Vec<u8>) -> Arrival {
+    pub fn run(
+        self,
+        sources: &[Arc<dyn BrickSource>],
+        inspect: Option<&Inspect>,
+        buffer: &mut Vec<u8>,
+    ) -> Arrival {
         match self {
             Job::Read(id) => {
-                let read = guarded(id, || {
+                let read = guarded(id, "source", || {
                     let source = source_of(sources, id)?;
-                    read_checked(source, id, buffer)?;
-                    Ok(Arc::from(&buffer[..]))
+                    read_checked(source, id, buffer)
+                });
+                let read = read.and_then(|()| {
+                    let leaf_ranges = inspect
+                        .map(|inspect| guarded(id, "inspection", || Ok(inspect(id, buffer))));
+                    Ok(Read {
+                        bytes: Arc::from(&buffer[..]),
+                        leaf_ranges: leaf_ranges.transpose()?,
+                    })
                 });
                 if read.is_err() {
                     // A source that came back long must not leave a long buffer behind.
@@ -67,7 +91,7 @@ impl Job {
 
 fn survey(sources: &[Arc<dyn BrickSource>], block: Block) -> Vec<(BrickId, Result<BrickEntry>)> {
     let first = block.first();
-    let grid = guarded(first, || {
+    let grid = guarded(first, "source", || {
         let description = source_of(sources, first)?.description();
         let grid = description.grid(block.level).filter(|_| description.has(first));
         grid.ok_or_else(|| {
@@ -76,7 +100,7 @@ fn survey(sources: &[Arc<dyn BrickSource>], block: Block) -> Vec<(BrickId, Resul
     });
     match grid {
         Ok(grid) => {
-            let entry = |id| guarded(id, || source_of(sources, id)?.entry(id));
+            let entry = |id| guarded(id, "source", || source_of(sources, id)?.entry(id));
             block.bricks(grid).map(|id| (id, entry(id))).collect()
         }
         Err(why) => vec![(first, Err(why))],
@@ -90,11 +114,11 @@ fn source_of(sources: &[Arc<dyn BrickSource>], id: BrickId) -> Result<&dyn Brick
     })
 }
 
-/// A panic of the source as an error: it costs a brick, not a loader.
-fn guarded<T>(id: BrickId, work: impl FnOnce() -> Result<T>) -> Result<T> {
+/// A panic of the source, or of `whose` work it is, as an error: it costs a brick, not a loader.
+fn guarded<T>(id: BrickId, whose: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
     // What the work leaves half done is its buffer, which the caller throws away.
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
-        let message = format!("{id}: its source panicked: {}", said(&*payload));
+        let message = format!("{id}: its {whose} panicked: {}", said(&*payload));
         Err(Error { exit: Exit::Bug, message })
     })
 }

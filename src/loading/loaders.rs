@@ -10,7 +10,7 @@ use crossbeam_channel::{Receiver, Sender, bounded};
 
 use crate::error::{Error, Result};
 use crate::loading::DoneJob;
-use crate::loading::job::{Arrival, Job, Sources};
+use crate::loading::job::{Arrival, Inspect, Job, Sources};
 
 /// Jobs under way per loader: one at work, one that waits for it, so that no loader waits for the
 /// owner; more would be out of reach of a better rank that comes later.
@@ -34,11 +34,11 @@ pub struct Loaders {
 }
 
 impl Loaders {
-    /// Starts `count` of them.
+    /// Starts `count` of them; where there is an `inspect`, it sees every brick that is read.
     ///
     /// # Errors
     /// When the machine gives no thread.
-    pub fn start(sources: Sources, count: usize) -> Result<Loaders> {
+    pub fn start(sources: Sources, inspect: Option<Inspect>, count: usize) -> Result<Loaders> {
         let jobs_max = count * JOBS_PER_LOADER;
         let (jobs, wanted) = bounded(jobs_max);
         let (send, arrivals) = bounded(jobs_max);
@@ -49,6 +49,7 @@ impl Loaders {
             let loader = Loader {
                 number,
                 sources: Arc::clone(&sources),
+                inspect: inspect.clone(),
                 jobs: wanted.clone(),
                 arrivals: send.clone(),
                 stop: Arc::clone(&loaders.stop),
@@ -101,7 +102,7 @@ impl Drop for Loaders {
         };
         for thread in self.threads.drain(..) {
             if all_ended || thread.is_finished() {
-                // Sources' panics are caught, so there is nothing to hear here.
+                // Panics of what they call are caught, so there is nothing to hear here.
                 let _ = thread.join();
             }
         }
@@ -111,6 +112,7 @@ impl Drop for Loaders {
 struct Loader {
     number: usize,
     sources: Sources,
+    inspect: Option<Inspect>,
     jobs: Receiver<Job>,
     arrivals: Sender<(Arrival, DoneJob)>,
     stop: Arc<AtomicBool>,
@@ -125,7 +127,7 @@ impl Loader {
                 return;
             }
             let begin = Instant::now();
-            let arrival = job.run(&self.sources, &mut buffer);
+            let arrival = job.run(&self.sources, self.inspect.as_ref(), &mut buffer);
             let (end, work) = (Instant::now(), arrival.work());
             let done = DoneJob { loader: self.number, begin, end, work };
             if self.arrivals.send((arrival, done)).is_err() {

@@ -13,7 +13,7 @@
 //!
 //! # Bounds
 //! The cache holds at most [`LoadingLimits::ram_bytes`] of voxels. Beside it stand, in voxels:
-//! [`JOBS_PER_LOADER`] bricks (or surveyed blocks) per loader, read and not yet taken, and one buffer
+//! [`JOBS_PER_LOADER`] bricks (or surveyed blocks) per loader, read and not yet taken, with what was learned of them, and one buffer
 //! per loader of at most twice the largest brick. A delivery is its taker's; an evicted brick is freed
 //! with its last delivery. Wishes and surveys that wait are [`LoadingLimits::wishes_max`] each; more
 //! are counted. Names of failed bricks and surveyed blocks are kept for the epoch, without voxels.
@@ -33,6 +33,7 @@ mod wishes;
 pub use block::{BLOCK_EDGE, Block};
 pub use delivery::{Delivery, Wish};
 pub use done::{DoneJob, DoneWork};
+pub use job::Inspect;
 pub use limits::{LOADERS_MAX, LoadingLimits, PAUSE_MAX};
 pub use loaders::{JOBS_PER_LOADER, PATIENCE};
 pub use owner::Loading;

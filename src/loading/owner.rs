@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use crate::error::{Error, Result};
 use crate::loading::cache::Cache;
 use crate::loading::done::DoneJobs;
-use crate::loading::job::{Arrival, Job};
+use crate::loading::job::{Arrival, Inspect, Job, Read};
 use crate::loading::loaders::Loaders;
 use crate::loading::surveys::Surveys;
 use crate::loading::wishes::{Place, WishList};
@@ -51,6 +51,27 @@ impl Loading {
     /// # Errors
     /// When the limits allow no work, or the machine gives no threads.
     pub fn new(sources: Vec<Arc<dyn BrickSource>>, limits: LoadingLimits) -> Result<Loading> {
+        Loading::start(sources, limits, None)
+    }
+
+    /// The same with loaders that show every brick they read to `inspect`; what it says comes with the
+    /// brick. Where it panics the read has failed.
+    ///
+    /// # Errors
+    /// As [`Loading::new`].
+    pub fn inspecting(
+        sources: Vec<Arc<dyn BrickSource>>,
+        limits: LoadingLimits,
+        inspect: Inspect,
+    ) -> Result<Loading> {
+        Loading::start(sources, limits, Some(inspect))
+    }
+
+    fn start(
+        sources: Vec<Arc<dyn BrickSource>>,
+        limits: LoadingLimits,
+        inspect: Option<Inspect>,
+    ) -> Result<Loading> {
         limits.check()?;
         Ok(Loading {
             limits,
@@ -59,7 +80,7 @@ impl Loading {
             cache: Cache::new(limits.ram_bytes),
             reading: HashMap::new(),
             failed: HashSet::new(),
-            loaders: Loaders::start(sources.into(), limits.loaders)?,
+            loaders: Loaders::start(sources.into(), inspect, limits.loaders)?,
             counts: LoadingStatistics::default(),
             done: None,
         })
@@ -191,7 +212,7 @@ impl Loading {
         let bytes = self.cache.get(id).expect("the cache has what it was wished from");
         self.wishes.remove(id);
         self.counts.cache_hits += 1;
-        Some(Delivery::Brick { id, bytes, from_cache: true })
+        Some(Delivery::Brick { id, bytes, from_cache: true, leaf_ranges: None })
     }
 
     /// Gives loaders what they may have: surveys, then wishes by rank.
@@ -225,19 +246,19 @@ impl Loading {
         }
     }
 
-    fn settle_read(&mut self, id: BrickId, read: Result<Arc<[u8]>>) -> Option<Delivery> {
+    fn settle_read(&mut self, id: BrickId, read: Result<Read>) -> Option<Delivery> {
         let Reading { failures, old } = self.reading.remove(&id)?;
-        self.counts.bytes_read += read.as_ref().map_or(0, |bytes| bytes.len() as u64);
+        self.counts.bytes_read += read.as_ref().map_or(0, |read| read.bytes.len() as u64);
         if old {
             self.counts.dropped_old_epoch += 1;
             self.wishes.set(id, Place::Unread);
             return None;
         }
         match read {
-            Ok(bytes) => {
+            Ok(Read { bytes, leaf_ranges }) => {
                 self.cache.insert(id, Arc::clone(&bytes));
                 self.wishes.remove(id);
-                Some(Delivery::Brick { id, bytes, from_cache: false })
+                Some(Delivery::Brick { id, bytes, from_cache: false, leaf_ranges })
             }
             Err(why) => self.settle_failure(id, failures.saturating_add(1), why),
         }

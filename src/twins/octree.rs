@@ -124,6 +124,15 @@ impl Nodes {
         }
     }
 
+    /// Those of both.
+    #[must_use]
+    pub fn common(self, other: Nodes) -> Nodes {
+        Nodes {
+            start: std::array::from_fn(|axis| self.start[axis].max(other.start[axis])),
+            end: std::array::from_fn(|axis| self.end[axis].min(other.end[axis])),
+        }
+    }
+
     /// Nodes of the tier `to` that share space with these of the tier `from`.
     #[must_use]
     pub fn in_tier(&self, from: &Tier, to: &Tier) -> Nodes {
@@ -142,6 +151,12 @@ impl Nodes {
             start: std::array::from_fn(|axis| moved(self.start[axis], axis)),
             end: std::array::from_fn(end),
         }
+    }
+
+    /// The first of every row along x.
+    pub fn rows(self) -> impl Iterator<Item = [u32; 3]> {
+        let (x, ys) = (self.start[0], self.start[1]..self.end[1]);
+        (self.start[2]..self.end[2]).flat_map(move |z| ys.clone().map(move |y| [x, y, z]))
     }
 
     /// Each of them, x fastest, then y, then z.

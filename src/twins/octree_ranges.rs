@@ -53,6 +53,60 @@ impl Coding {
 /// Least and greatest of the codes of an empty range.
 const EMPTY_CODES: (u16, u16) = (u16::MAX, 0);
 
+/// A range as it stands in words; the second is 0 where one is enough.
+pub type Codes = [u32; 2];
+
+impl Coding {
+    /// Holds `range`, ends between two codes rounded outwards.
+    pub fn codes(self, range: ValueRange) -> Codes {
+        let moved = if self == Coding::Signed { 32768.0 } else { 0.0 };
+        match self {
+            // One pattern for each value.
+            Coding::Float => [range.least + 0.0, range.greatest + 0.0].map(f32::to_bits),
+            _ if range.is_empty() => [u32::from(EMPTY_CODES.0), 0],
+            _ => {
+                // Rounded before it is moved, which would round to nearest; casts keep within 16 bits.
+                let least = u32::from((range.least.floor() + moved) as u16);
+                let greatest = u32::from((range.greatest.ceil() + moved) as u16);
+                [least | greatest << 16, 0]
+            }
+        }
+    }
+
+    /// The range of some codes.
+    pub fn range(self, codes: Codes) -> ValueRange {
+        let moved = if self == Coding::Signed { 32768.0 } else { 0.0 };
+        match self {
+            Coding::Float => {
+                ValueRange { least: f32::from_bits(codes[0]), greatest: f32::from_bits(codes[1]) }
+            }
+            _ => {
+                let (least, greatest) = (codes[0] as u16, (codes[0] >> 16) as u16);
+                if (least, greatest) == EMPTY_CODES {
+                    return ValueRange::EMPTY;
+                }
+                ValueRange {
+                    least: f32::from(least) - moved,
+                    greatest: f32::from(greatest) - moved,
+                }
+            }
+        }
+    }
+
+    /// Codes of the smallest range that holds both.
+    fn union(self, a: Codes, b: Codes) -> Codes {
+        const LOW: u32 = 0xffff;
+        match self {
+            Coding::Float => {
+                let union = self.range(a).union(self.range(b));
+                [union.least, union.greatest].map(f32::to_bits)
+            }
+            // Nothing is least of all and greatest of all, too.
+            _ => [(a[0] & LOW).min(b[0] & LOW) | (a[0] & !LOW).max(b[0] & !LOW), 0],
+        }
+    }
+}
+
 /// Ranges of one channel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Ranges {
@@ -72,51 +126,35 @@ impl Ranges {
 
     /// Nothing is known any more: another channel took the place, or the source has changed.
     pub fn forget(&mut self) {
-        let nodes = self.words.len() / self.coding.words();
-        for node in 0..nodes {
-            self.set(node, self.coding.unknown());
-        }
+        let codes = self.coding.codes(self.coding.unknown());
+        let count = self.coding.words();
+        self.words.chunks_exact_mut(count).for_each(|node| node.copy_from_slice(&codes[..count]));
     }
 
     /// Of a node.
     pub fn get(&self, node: usize) -> ValueRange {
-        let moved = if self.coding == Coding::Signed { 32768.0 } else { 0.0 };
-        match self.coding {
-            Coding::Float => ValueRange {
-                least: f32::from_bits(self.words[2 * node]),
-                greatest: f32::from_bits(self.words[2 * node + 1]),
-            },
-            _ => {
-                let (least, greatest) = (self.words[node] as u16, (self.words[node] >> 16) as u16);
-                if (least, greatest) == EMPTY_CODES {
-                    return ValueRange::EMPTY;
-                }
-                ValueRange {
-                    least: f32::from(least) - moved,
-                    greatest: f32::from(greatest) - moved,
-                }
-            }
-        }
+        self.coding.range(self.codes(node))
     }
 
     /// Makes a node's range hold `range`, ends between two codes rounded outwards; whether it was another.
     pub fn set(&mut self, node: usize, range: ValueRange) -> bool {
-        let moved = if self.coding == Coding::Signed { 32768.0 } else { 0.0 };
-        let words = match self.coding {
-            // One pattern for each value.
-            Coding::Float => [range.least + 0.0, range.greatest + 0.0].map(f32::to_bits),
-            _ if range.is_empty() => [u32::from(EMPTY_CODES.0), 0],
-            _ => {
-                // Rounded before it is moved, which would round to nearest; casts keep within 16 bits.
-                let least = u32::from((range.least.floor() + moved) as u16);
-                let greatest = u32::from((range.greatest.ceil() + moved) as u16);
-                [least | greatest << 16, 0]
-            }
-        };
-        let count = self.coding.words();
-        let place = &mut self.words[node * count..][..count];
-        let changed = *place != words[..count];
-        place.copy_from_slice(&words[..count]);
+        self.put(node, self.coding.codes(range))
+    }
+
+    /// As it stands.
+    pub fn codes(&self, node: usize) -> Codes {
+        match self.coding {
+            Coding::Float => [self.words[2 * node], self.words[2 * node + 1]],
+            _ => [self.words[node], 0],
+        }
+    }
+
+    fn put(&mut self, node: usize, codes: Codes) -> bool {
+        let changed = self.codes(node) != codes;
+        match self.coding {
+            Coding::Float => self.words[2 * node..][..2].copy_from_slice(&codes),
+            _ => self.words[node] = codes[0],
+        }
         changed
     }
 }
@@ -140,14 +178,36 @@ pub fn update_ranges(
     of: impl Fn([u32; 3]) -> ValueRange,
     work: &mut Work,
 ) -> Nodes {
+    update_some_ranges(shape, level, ranges, leaves, |leaf| Some(of(leaf)), work)
+}
+
+/// The same where some of the leaves keep what they have.
+pub fn update_some_ranges(
+    shape: &Shape,
+    level: usize,
+    ranges: &mut Ranges,
+    leaves: Nodes,
+    of: impl Fn([u32; 3]) -> Option<ValueRange>,
+    work: &mut Work,
+) -> Nodes {
     let tree = &shape.trees[level];
     let lowest = shape.lowest(tree);
     let mut changed = Nodes::NONE;
     work.looked_at += leaves.count();
-    for node in leaves.each() {
-        if ranges.set(tree.number(lowest, node), of(node)) {
-            changed = changed.with(node);
-            work.changed += 1;
+    let coding = ranges.coding;
+    // Neighbours often have the same.
+    let mut last = (ValueRange::EMPTY, coding.codes(ValueRange::EMPTY));
+    for [start, y, z] in leaves.rows() {
+        let first = tree.number(lowest, [0, y, z]);
+        for x in start..leaves.end[0] {
+            let Some(range) = of([x, y, z]) else { continue };
+            if range != last.0 {
+                last = (range, coding.codes(range));
+            }
+            if ranges.put(first + x as usize, last.1) {
+                changed = changed.with([x, y, z]);
+                work.changed += 1;
+            }
         }
     }
     let mut finer_changed = changed;
@@ -161,10 +221,14 @@ pub fn update_ranges(
         work.looked_at += parents.count();
         for parent in parents.each() {
             let children = Nodes::NONE.with(parent).in_tier(tier, finer);
-            let hull = children.each().fold(ValueRange::EMPTY, |hull, child| {
-                hull.union(ranges.get(tree.number(finer, child)))
-            });
-            if ranges.set(tree.number(tier, parent), hull) {
+            let mut hull = coding.codes(ValueRange::EMPTY);
+            for [start, y, z] in children.rows() {
+                let first = tree.number(finer, [0, y, z]);
+                for x in start..children.end[0] {
+                    hull = coding.union(hull, ranges.codes(first + x as usize));
+                }
+            }
+            if ranges.put(tree.number(tier, parent), hull) {
                 finer_changed = finer_changed.with(parent);
                 work.changed += 1;
             }

@@ -144,15 +144,24 @@ impl Shape {
         std::array::from_fn(|axis| size[axis].div_ceil(self.payload[axis]))
     }
 
-    /// The leaves of a level that one of its bricks holds.
-    pub fn leaves_of_brick(&self, level: usize, brick: [u32; 3]) -> Nodes {
+    /// Leaves of a level along the edges of its bricks, as a power of two.
+    pub fn leaf_shift(&self, level: usize) -> [u32; 3] {
         let tree = &self.trees[level];
         let lowest = self.lowest(tree);
-        let along =
-            |axis: usize| 1 << (self.brick_shift[axis] + tree.halvings[axis] - lowest.shift[axis]);
+        std::array::from_fn(|a| self.brick_shift[a] + tree.halvings[a] - lowest.shift[a])
+    }
+
+    /// The leaves of a level that one of its bricks holds.
+    pub fn leaves_of_brick(&self, level: usize, brick: [u32; 3]) -> Nodes {
+        self.leaves_of_bricks(level, Nodes::NONE.with(brick))
+    }
+
+    /// The leaves of a level that a box of its bricks holds.
+    pub fn leaves_of_bricks(&self, level: usize, bricks: Nodes) -> Nodes {
+        let (shift, lowest) = (self.leaf_shift(level), self.lowest(&self.trees[level]));
         Nodes {
-            start: std::array::from_fn(|axis| brick[axis] * along(axis)),
-            end: std::array::from_fn(|a| ((brick[a] + 1) * along(a)).min(lowest.nodes[a])),
+            start: std::array::from_fn(|a| bricks.start[a] << shift[a]),
+            end: std::array::from_fn(|a| (bricks.end[a] << shift[a]).min(lowest.nodes[a])),
         }
     }
 }

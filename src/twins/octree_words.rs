@@ -9,7 +9,11 @@
 //! residency-octree-2023 section 6.1 and figure 8: the largest node in which all channels are empty. There
 //! rays look for it; here it is found when something changes.
 
-use crate::twins::octree::{CHANNELS_MAX, DIFFERS, Nodes, ONE_VALUE, RISE_SHIFT, SHOWS, Tree};
+use std::ops::Range;
+
+use crate::twins::octree::{
+    CHANNELS_MAX, DIFFERS, Nodes, ONE_VALUE, RISE_SHIFT, SHOWS, Tier, Tree,
+};
 use crate::twins::octree_ranges::{Ranges, Work};
 use crate::twins::octree_shape::Shape;
 use crate::volume::ValueRange;
@@ -60,7 +64,12 @@ pub struct Words {
     pub of_leaf: Vec<u32>,
     /// `[node]` of all trees: what all leaves beneath have, without a rise, or [`DIFFERS`].
     pub of_node: Vec<u32>,
+    /// Bit for each [`RUN_WORDS`] of `of_leaf`: some of them changed since [`Words::take_changed`].
+    changed: Vec<u64>,
 }
+
+/// Words of leaves of which it is known only together whether they have changed.
+pub const RUN_WORDS: usize = 64;
 
 impl Words {
     /// Of `channels` channels of which nothing is known: all show.
@@ -69,14 +78,43 @@ impl Words {
     /// When a word has no room for so many: our own bug, since scenes are checked.
     pub fn unknown(shape: &Shape, channels: usize) -> Words {
         assert!(channels <= CHANNELS_MAX as usize, "{channels} channels in a word");
-        let all = (1 << channels) - 1;
-        let mut words = Words { of_leaf: Vec::new(), of_node: vec![all; shape.nodes()] };
+        Words::everywhere(shape, (1 << channels) - 1)
+    }
+
+    /// The same channels show everywhere, with more than one value.
+    pub fn everywhere(shape: &Shape, shows: u32) -> Words {
+        let mut of_leaf = Vec::with_capacity(shape.words());
         for tree in &shape.trees {
-            let word = all | tree.rise_max << RISE_SHIFT;
+            let word = shows | tree.rise_max << RISE_SHIFT;
             let leaves = Nodes::all(shape.lowest(tree)).count();
-            words.of_leaf.extend(std::iter::repeat_n(word, leaves as usize));
+            of_leaf.extend(std::iter::repeat_n(word, leaves as usize));
         }
-        words
+        let runs = of_leaf.len().div_ceil(RUN_WORDS);
+        Words {
+            of_leaf,
+            of_node: vec![shows; shape.nodes()],
+            changed: vec![u64::MAX; runs.div_ceil(64)],
+        }
+    }
+
+    /// Where `of_leaf` has changed since the last call, or since there are words: ranges of whole
+    /// [`RUN_WORDS`], save at the end, rising and apart.
+    pub fn take_changed(&mut self) -> Vec<Range<usize>> {
+        let mut ranges: Vec<Range<usize>> = Vec::new();
+        for (index, bits) in self.changed.iter_mut().enumerate() {
+            let mut left = std::mem::take(bits);
+            while left != 0 {
+                let start = (64 * index + left.trailing_zeros() as usize) * RUN_WORDS;
+                left &= left - 1;
+                let end = (start + RUN_WORDS).min(self.of_leaf.len());
+                match ranges.last_mut() {
+                    Some(last) if last.end == start => last.end = end,
+                    _ if start < end => ranges.push(start..end),
+                    _ => {}
+                }
+            }
+        }
+        ranges
     }
 
     /// Makes words right again where ranges of leaves of `level` have changed, in the tree of every level
@@ -110,22 +148,31 @@ impl Words {
     ) -> u64 {
         let tree = &shape.trees[level];
         let lowest = shape.lowest(tree);
-        let mut changed = Nodes::NONE;
+        let (mut stale, mut changed) = (Nodes::NONE, Nodes::NONE);
         work.looked_at += leaves.count();
-        for node in leaves.each() {
-            let word = word_of_leaf(shape, channels, level, node);
-            let place = &mut self.of_node[tree.number(lowest, node)];
-            if *place != word {
-                *place = word;
+        let mut row = vec![0; leaves.end[0].saturating_sub(leaves.start[0]) as usize];
+        for start in leaves.rows() {
+            words_of_row(shape, channels, level, start, &mut row);
+            let first = tree.number(lowest, start);
+            let [x, y, z] = start;
+            for (at, word) in row.iter().enumerate() {
+                let (place, node) = (&mut self.of_node[first + at], [x + at as u32, y, z]);
+                if *place != *word {
+                    *place = *word;
+                    stale = stale.with(node);
+                    work.changed += 1;
+                } else if word & ONE_VALUE == 0 {
+                    continue;
+                }
+                // Of the same word, the one value may be another.
                 changed = changed.with(node);
-                work.changed += 1;
             }
         }
         // Upwards while something changes; then every leaf under what has changed.
-        let mut stale = changed;
         for index in tree.tier as usize + 1..=(tree.tier + tree.rise_max) as usize {
             let [finer, tier] = [&shape.tiers[index - 1], &shape.tiers[index]];
             let parents = changed.in_tier(finer, tier);
+            let mut others = Nodes::NONE;
             changed = Nodes::NONE;
             work.looked_at += parents.count();
             for parent in parents.each() {
@@ -133,24 +180,82 @@ impl Words {
                 let place = &mut self.of_node[tree.number(tier, parent)];
                 if *place != word {
                     *place = word;
-                    changed = changed.with(parent);
+                    others = others.with(parent);
                     work.changed += 1;
+                } else if word == DIFFERS || word & ONE_VALUE == 0 {
+                    continue;
                 }
+                changed = changed.with(parent);
             }
             if changed.is_empty() {
                 break;
             }
-            stale = stale.joined(changed.in_tier(tier, lowest));
+            stale = stale.joined(others.in_tier(tier, lowest));
         }
-        let mut count = 0;
         work.looked_at += stale.count();
-        for node in stale.each() {
-            let word = self.with_rise(shape, tree, node);
-            let place = &mut self.of_leaf[(tree.first_word + lowest.index(node)) as usize];
-            count += u64::from(*place != word);
-            *place = word;
+        let top = (tree.tier + tree.rise_max) as usize;
+        let nodes = stale.in_tier(lowest, &shape.tiers[top]);
+        self.rise(shape, tree, top, nodes, stale)
+    }
+
+    /// Makes words of the leaves `stale` under these nodes of the tier `index` right: they rise to the largest
+    /// node in which all leaves have the same. Says how many changed.
+    fn rise(
+        &mut self,
+        shape: &Shape,
+        tree: &Tree,
+        index: usize,
+        nodes: Nodes,
+        stale: Nodes,
+    ) -> u64 {
+        let (tier, lowest) = (&shape.tiers[index], shape.lowest(tree));
+        let mut count = 0;
+        for node in nodes.each() {
+            let word = self.of_node[tree.number(tier, node)];
+            let beneath = Nodes::NONE.with(node);
+            if word == DIFFERS {
+                let finer = &shape.tiers[index - 1];
+                let children = beneath.in_tier(tier, finer).common(stale.in_tier(lowest, finer));
+                count += match index - 1 > tree.tier as usize {
+                    true => self.rise(shape, tree, index - 1, children, stale),
+                    // Leaves do not differ from themselves.
+                    false => self.rise_not(tree, lowest, children),
+                };
+                continue;
+            }
+            let word = word | (index as u32 - tree.tier) << RISE_SHIFT;
+            let leaves = beneath.in_tier(tier, lowest).common(stale);
+            for start in leaves.rows() {
+                let first = (tree.first_word + lowest.index(start)) as usize;
+                for at in first..first + (leaves.end[0] - leaves.start[0]) as usize {
+                    count += self.put(at, word);
+                }
+            }
         }
         count
+    }
+
+    /// The same of leaves that do not rise.
+    fn rise_not(&mut self, tree: &Tree, lowest: &Tier, leaves: Nodes) -> u64 {
+        let mut count = 0;
+        for start in leaves.rows() {
+            let number = tree.number(lowest, start);
+            let first = (tree.first_word + lowest.index(start)) as usize;
+            for at in 0..leaves.end[0].saturating_sub(leaves.start[0]) as usize {
+                count += self.put(first + at, self.of_node[number + at]);
+            }
+        }
+        count
+    }
+
+    fn put(&mut self, leaf: usize, word: u32) -> u64 {
+        if self.of_leaf[leaf] == word {
+            return 0;
+        }
+        self.of_leaf[leaf] = word;
+        let run = leaf / RUN_WORDS;
+        self.changed[run / 64] |= 1 << (run % 64);
+        1
     }
 
     /// Equal words of all children, and one value only where they share it.
@@ -166,9 +271,12 @@ impl Words {
         let [finer, tier] = [&shape.tiers[index - 1], &shape.tiers[index]];
         let children = Nodes::NONE.with(parent).in_tier(tier, finer);
         let first = self.of_node[tree.number(finer, children.start)];
-        if first == DIFFERS
-            || children.each().any(|child| self.of_node[tree.number(finer, child)] != first)
-        {
+        let along = (children.end[0] - children.start[0]) as usize;
+        let same = |start| {
+            let row = &self.of_node[tree.number(finer, start)..][..along];
+            row.iter().all(|word| *word == first)
+        };
+        if first == DIFFERS || !children.rows().all(same) {
             return DIFFERS;
         }
         let shared = |channel: &Shown| {
@@ -178,17 +286,6 @@ impl Words {
         let mut shown = channels.iter().enumerate().filter(|(at, _)| first >> at & 1 == 1);
         let one = first & ONE_VALUE == 0 || shown.all(|(_, channel)| shared(channel));
         if one { first } else { DIFFERS }
-    }
-
-    /// A leaf's word as rays read it: risen to the largest node in which all leaves have the same.
-    fn with_rise(&self, shape: &Shape, tree: &Tree, leaf: [u32; 3]) -> u32 {
-        let lowest = shape.lowest(tree);
-        let same = |rise: &u32| {
-            let tier = &shape.tiers[(tree.tier + rise) as usize];
-            self.of_node[tree.number(tier, lowest.ancestor(tier, leaf))] != DIFFERS
-        };
-        let rise = (1..=tree.rise_max).take_while(same).last().unwrap_or(0);
-        self.of_node[tree.number(lowest, leaf)] | rise << RISE_SHIFT
     }
 }
 
@@ -204,16 +301,32 @@ fn range_in(
     channel.ranges.get(shape.node_around(channel.level(level), index, node))
 }
 
-fn word_of_leaf(shape: &Shape, channels: &[Shown], level: usize, leaf: [u32; 3]) -> u32 {
-    let index = shape.trees[level].tier as usize;
-    let mut word = ONE_VALUE;
+/// Words of a row of leaves along x, without rises.
+fn words_of_row(shape: &Shape, channels: &[Shown], level: usize, start: [u32; 3], row: &mut [u32]) {
+    let from = shape.lowest(&shape.trees[level]);
+    row.fill(ONE_VALUE);
     for (at, channel) in channels.iter().enumerate() {
-        match class_of(range_in(shape, channel, level, index, leaf), channel.shows) {
-            Class::Nothing => {}
-            Class::OneValue => word |= 1 << at,
-            Class::Something => word = (word | 1 << at) & !ONE_VALUE,
+        let tree = &shape.trees[channel.level(level)];
+        // The node around, where the channel's own leaves are larger.
+        let tier = &shape.tiers[tree.tier.max(shape.trees[level].tier) as usize];
+        let [_, y, z] = from.ancestor(tier, start);
+        let first = tree.number(tier, [0, y, z]);
+        let shift = tier.shift[0] - from.shift[0];
+        // Neighbours often have the same.
+        let (mut last, mut class) = (None, Class::Nothing);
+        for (x, word) in (start[0]..).zip(&mut *row) {
+            let codes = channel.ranges.codes(first + (x >> shift) as usize);
+            if last != Some(codes) {
+                last = Some(codes);
+                class = class_of(channel.ranges.coding.range(codes), channel.shows);
+            }
+            match class {
+                Class::Nothing => {}
+                Class::OneValue => *word |= 1 << at,
+                Class::Something => *word = (*word | 1 << at) & !ONE_VALUE,
+            }
         }
     }
     // Of nothing it is not said that it has one value.
-    if word & SHOWS == 0 { 0 } else { word }
+    row.iter_mut().filter(|word| **word & SHOWS == 0).for_each(|word| *word = 0);
 }

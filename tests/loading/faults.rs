@@ -5,10 +5,10 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 use ashfall::error::{Error, Exit, Result};
-use ashfall::loading::{Block, Delivery, Loading, LoadingLimits, PAUSE_MAX};
+use ashfall::loading::{Block, Delivery, Inspect, Loading, LoadingLimits, PAUSE_MAX};
 use ashfall::source::faulty::{Corrupt, Failing, Fault, Short, Slow, Stalling};
 use ashfall::source::{BrickEntry, BrickSource, Computed, Description, FieldSource};
-use ashfall::volume::BrickId;
+use ashfall::volume::{BrickId, ValueRange};
 
 use crate::sources::*;
 
@@ -115,6 +115,32 @@ fn short_and_corrupt_bricks_fail_with_a_reason() {
     reasons(faulty("shells", Short(1)), "999 bytes");
     // Any other value than 1 is outside of the range of `constant`.
     reasons(faulty("constant", Corrupt), "damaged");
+}
+
+#[test]
+fn an_inspection_that_panics_costs_its_brick() {
+    let source: Arc<dyn BrickSource> = Arc::new(volume("shells"));
+    let inspect: Inspect = Arc::new(|id, bytes| {
+        assert!(id != brick(1), "a test's panic");
+        vec![ValueRange::of(bytes.len() as f32)]
+    });
+    let mut loading = Loading::inspecting(vec![source.clone()], limits(1), inspect).unwrap();
+    for from_cache in [false, true] {
+        loading.wish(&wishes(&[(0, 0), (1, 1), (2, 2)]));
+        let deliveries = all(&mut loading);
+        for delivery in &deliveries {
+            let Delivery::Brick { leaf_ranges, .. } = delivery else { continue };
+            let learned = (!from_cache).then(|| vec![ValueRange::of(BRICK_BYTES as f32)]);
+            assert_eq!(*leaf_ranges, learned);
+        }
+        if !from_cache {
+            let failures = failures(&deliveries);
+            assert!(matches!(failures[..], [(id, why)] if id == brick(1)
+                && why.exit == Exit::Bug && why.message.contains("inspection panicked")));
+        }
+        assert_true_to(&*source, &deliveries);
+        assert_eq!(deliveries.len(), if from_cache { 2 } else { 3 });
+    }
 }
 
 #[test]

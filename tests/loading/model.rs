@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use ashfall::error::{Error, Result};
-use ashfall::loading::{Block, Delivery, Loading, LoadingLimits, Wish};
+use ashfall::loading::{Block, Delivery, Inspect, Loading, LoadingLimits, Wish};
 use ashfall::source::{BrickEntry, BrickSource, Computed, Description, FieldSource};
 use ashfall::volume::{BrickId, ValueRange};
 
@@ -126,7 +126,7 @@ impl Model {
 
     fn take(&mut self, delivery: &Delivery, sources: &[Arc<Flaky>]) {
         match delivery {
-            Delivery::Brick { id, bytes, from_cache } => {
+            Delivery::Brick { id, bytes, from_cache, leaf_ranges } => {
                 let place = self.cached.iter().position(|cached| cached == id);
                 assert_eq!(place.is_some(), *from_cache, "{id}");
                 match place {
@@ -139,6 +139,9 @@ impl Model {
                 let voxel = sources[usize::from(id.volume)].voxel(*id);
                 assert_eq!(bytes.len() as u64, BRICK_BYTES);
                 assert!(bytes.iter().all(|&byte| byte == voxel), "{id} of another time or place");
+                // What was learned comes with the read and is of the same voxels.
+                let learned = (!from_cache).then(|| vec![ValueRange::of(voxel.into())]);
+                assert_eq!(*leaf_ranges, learned, "{id}");
             }
             Delivery::Failed { id, .. } => {
                 assert!(self.wished.remove(id).is_some(), "{id} was not wished");
@@ -178,7 +181,8 @@ fn run(seed: u64, loaders: usize, attempts: u32) {
         wishes_max: WISHES_MAX,
     };
     let shared = sources.iter().map(|source| source.clone() as Arc<dyn BrickSource>);
-    let mut loading = Loading::new(shared.collect(), limits).unwrap();
+    let inspect: Inspect = Arc::new(|_, bytes| vec![ValueRange::of(bytes[0].into())]);
+    let mut loading = Loading::inspecting(shared.collect(), limits, inspect).unwrap();
     let mut model = Model::default();
     for _ in 0..OPERATIONS {
         match random.below(100) {

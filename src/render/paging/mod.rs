@@ -1,7 +1,7 @@
 //! Drawing through an atlas that holds a part of the volume: the paging loop's host side.
 //!
 //! `plan.rs` says what it takes, `paged.rs` holds the objects, `rounds.rs` turns the loop, `round.rs` submits one turn of it, `host_cache.rs`
-//! keeps the books.
+//! keeps the books, `leaf_words.rs` those of the residency octree.
 //!
 //! # Source
 //! DESIGN section 5.
@@ -9,6 +9,7 @@
 mod brick_numbers;
 mod brick_texels;
 mod host_cache;
+mod leaf_words;
 mod paged;
 mod placing;
 mod plan;
@@ -20,6 +21,7 @@ mod visibility;
 
 pub use brick_numbers::{BrickNumbers, ChannelPlace};
 pub use brick_texels::write_texels;
+pub use leaf_words::{LeafChannel, LeafWords, LeafWork};
 pub use settings::{CopyPath, LoadOrder, PagingSettings};
 pub use view_levels::{LevelChoice, ViewLevels};
 
@@ -31,4 +33,4 @@ pub(super) use plan::PagingPlan;
 pub use rounds::RoundPicture;
 pub(super) use rounds::{Watch, draw};
 pub(super) use view_levels::longest_diagonal_world;
-pub(super) use visibility::Judge;
+pub use visibility::{Judge, Shows};

@@ -1,0 +1,601 @@
+//! Leaf words on the host: whatever becomes known in whatever order, the copy that the device would have is
+//! that of a naive model, which computes every word from all that is known.
+
+use std::sync::Arc;
+
+use ashfall::error::{Error, Result};
+use ashfall::loading::{Block, Inspect};
+use ashfall::render::paging::{Judge, LeafChannel, LeafWords, Shows};
+use ashfall::render::{Layout, TexelLayout};
+use ashfall::source::BrickEntry;
+use ashfall::twins::octree::{
+    Nodes, ONE_VALUE, RISE_LEAVES, RISE_SHIFT, Tier, bits_of_word, unpacked,
+};
+use ashfall::twins::octree_ranges::Coding;
+use ashfall::twins::octree_shape::Shape;
+use ashfall::twins::transfer::TransferSegment;
+use ashfall::volume::{BrickGrid, BrickId, Size3, ValueRange, VoxelFormat, Voxels, sanitized};
+
+use crate::random::Random;
+use crate::world::{Plan, World, extent};
+
+const ALL: [usize; 2] = [0, 31];
+
+/// Words of 8, 16 and 32 bits, all formats of one part.
+const PLANS: &[Plan] = &[
+    Plan {
+        size: [26, 19, 17],
+        spacing: [1.0; 3],
+        payload: [8; 3],
+        leaf: [2; 3],
+        format: VoxelFormat::U8,
+        channels: &[ALL, [1, 2]],
+    },
+    Plan {
+        size: [37, 22, 26],
+        spacing: [0.7, 1.0, 1.3],
+        payload: [12, 7, 5],
+        leaf: [3, 4, 4],
+        format: VoxelFormat::U16,
+        channels: &[ALL, [0, 0], [1, 1], [2, 31], ALL, [0, 1]],
+    },
+    Plan {
+        size: [40, 13, 9],
+        spacing: [1.0; 3],
+        payload: [8; 3],
+        leaf: [4; 3],
+        format: VoxelFormat::I16,
+        channels: &[
+            ALL,
+            ALL,
+            [1, 1],
+            ALL,
+            ALL,
+            [2, 2],
+            ALL,
+            [0, 0],
+            ALL,
+            ALL,
+            [0, 1],
+            ALL,
+            [1, 31],
+            ALL,
+        ],
+    },
+    Plan {
+        size: [30, 31, 18],
+        spacing: [1.0, 1.0, 2.0],
+        payload: [8; 3],
+        leaf: [4; 3],
+        format: VoxelFormat::F32,
+        channels: &[ALL, ALL, [1, 31], [0, 0]],
+    },
+    // More blocks than one, most of their bricks of one leaf.
+    Plan {
+        size: [76, 9, 40],
+        spacing: [1.0; 3],
+        payload: [4; 3],
+        leaf: [4; 3],
+        format: VoxelFormat::U8,
+        channels: &[ALL, [1, 2], ALL, ALL],
+    },
+];
+
+/// What is known of a brick.
+#[derive(Clone, Debug)]
+enum Known {
+    Nothing,
+    /// One range for all leaves: surveyed or failed.
+    Range(ValueRange),
+    /// Of its leaves.
+    Leaves(Vec<ValueRange>),
+}
+
+struct Model {
+    plan: Plan,
+    shape: Arc<Shape>,
+    judges: Vec<Judge>,
+    levels: Vec<[usize; 2]>,
+    /// By channel, level and brick, x fastest.
+    known: Vec<Vec<Vec<Known>>>,
+}
+
+fn in_source(channel: usize) -> u16 {
+    2 * channel as u16 + 1
+}
+
+fn index([nx, ny, _]: [u32; 3], [x, y, z]: [u32; 3]) -> usize {
+    ((z * ny + y) * nx + x) as usize
+}
+
+fn judge(format: VoxelFormat, random: &mut Random) -> Judge {
+    let (least, greatest, _) = extent(format);
+    let layout = TexelLayout::of(format, ValueRange { least, greatest }, Layout::Plain);
+    let width = f64::from(greatest - least) * random.one(&[1.0, 0.3, 0.02]);
+    let low = random.between(f64::from(least), f64::from(greatest) - width);
+    let mut begins: Vec<f32> = (0..random.below(4)).map(|_| random.unit() as f32).collect();
+    begins.sort_by(f32::total_cmp);
+    begins.insert(0, 0.0);
+    let segment = |begins_at: f32| TransferSegment {
+        start: [0.5, 0.5, 0.5, if random.once_in(2) { 0.0 } else { 1.0 }],
+        begins_at,
+        window_scale: (layout.scale / width) as f32,
+        window_offset: ((layout.offset - low) / width) as f32,
+        ..TransferSegment::default()
+    };
+    let segments = begins.into_iter().map(segment).collect();
+    Judge { format, layout, segments, skipping: !random.once_in(8) }
+}
+
+/// As ranges are kept: of whole values rounded outwards.
+fn kept(range: ValueRange, format: VoxelFormat) -> ValueRange {
+    match format {
+        VoxelFormat::F32 => range,
+        _ => ValueRange { least: range.least.floor(), greatest: range.greatest.ceil() },
+    }
+}
+
+fn drawn(range: ValueRange, alike: bool) -> ValueRange {
+    if range.is_empty() {
+        return range;
+    }
+    let [least, greatest] = [range.least, range.greatest].map(sanitized);
+    let wider = least == greatest && !alike;
+    ValueRange { least, greatest: if wider { greatest.next_up() } else { greatest } }
+}
+
+fn surveyed(entry: &Result<BrickEntry>, format: VoxelFormat) -> ValueRange {
+    match entry {
+        Err(_) | Ok(BrickEntry::Absent) => ValueRange::EMPTY,
+        Ok(BrickEntry::Constant(bytes)) => {
+            let value = Voxels::from_bytes(format, &bytes[..format.bytes()]).value(0);
+            if value.is_nan() { ValueRange::EMPTY } else { drawn(ValueRange::of(value), true) }
+        }
+        Ok(BrickEntry::Stored { range, .. }) => {
+            if range.least.is_nan() || range.greatest.is_nan() {
+                return Coding::of(format).unknown();
+            }
+            drawn(*range, format != VoxelFormat::F32)
+        }
+    }
+}
+
+impl Model {
+    fn new(plan: Plan, random: &mut Random) -> Model {
+        let shape = Arc::new(plan.shape(random.one(&[2, 2, 4])));
+        let of_level = |level: usize| {
+            vec![Known::Nothing; shape.bricks(level).iter().product::<u32>() as usize]
+        };
+        let nothing: Vec<_> = (0..shape.trees.len()).map(of_level).collect();
+        Model {
+            judges: plan.channels.iter().map(|_| judge(plan.format, random)).collect(),
+            levels: plan.channels.to_vec(),
+            known: vec![nothing; plan.channels.len()],
+            plan,
+            shape,
+        }
+    }
+
+    fn leaf_words(&self) -> LeafWords {
+        let channel = |(at, judge): (usize, &Judge)| LeafChannel {
+            in_source: in_source(at),
+            judge: judge.clone(),
+            levels: self.levels[at],
+        };
+        let channels = self.judges.iter().enumerate().map(channel).collect();
+        LeafWords::new(Arc::clone(&self.shape), channels)
+    }
+
+    fn known(&mut self, channel: usize, id: BrickId) -> Option<&mut Known> {
+        let level = usize::from(id.level);
+        let (at, brick) = (level.min(self.shape.trees.len() - 1), [id.x, id.y, id.z]);
+        let bricks = self.shape.bricks(at);
+        let inside = at == level && (0..3).all(|axis| brick[axis] < bricks[axis]);
+        inside.then(|| &mut self.known[channel][level][index(bricks, brick)])
+    }
+
+    /// The range of a leaf of a level.
+    fn leaf(&self, channel: usize, level: usize, leaf: [u32; 3]) -> ValueRange {
+        let (edges, payload) = (self.shape.leaf_edges(level), self.plan.payload);
+        let voxel: [u32; 3] = std::array::from_fn(|axis| leaf[axis] * edges[axis]);
+        let brick: [u32; 3] = std::array::from_fn(|axis| voxel[axis] / payload[axis]);
+        let range = match &self.known[channel][level][index(self.shape.bricks(level), brick)] {
+            Known::Nothing => Coding::of(self.plan.format).unknown(),
+            Known::Range(range) => *range,
+            Known::Leaves(ranges) => {
+                let within = std::array::from_fn(|a| voxel[a] % payload[a] / edges[a]);
+                ranges[index(self.leaves_along(level, brick), within)]
+            }
+        };
+        kept(range, self.plan.format)
+    }
+
+    fn leaves_along(&self, level: usize, brick: [u32; 3]) -> [u32; 3] {
+        let (edges, payload) = (self.shape.leaf_edges(level), self.plan.payload);
+        std::array::from_fn(|axis| {
+            let rest = self.shape.sizes[level][axis] - brick[axis] * payload[axis];
+            rest.min(payload[axis]).div_ceil(edges[axis])
+        })
+    }
+
+    /// By tier, from that of the leaves on: hulls of all leaves beneath each node.
+    fn hulls(&self, channel: usize, level: usize) -> Vec<Vec<ValueRange>> {
+        let tree = &self.shape.trees[level];
+        let lowest = self.shape.lowest(tree);
+        let leaves: Vec<_> =
+            Nodes::all(lowest).each().map(|leaf| (leaf, self.leaf(channel, level, leaf))).collect();
+        let of_tier = |tier: &Tier| {
+            let mut hulls = vec![ValueRange::EMPTY; Nodes::all(tier).count() as usize];
+            for (leaf, range) in &leaves {
+                let hull = &mut hulls[index(tier.nodes, lowest.ancestor(tier, *leaf))];
+                *hull = hull.union(*range);
+            }
+            hulls
+        };
+        self.shape.tiers[tree.tier as usize..].iter().map(of_tier).collect()
+    }
+
+    /// All words that rays read.
+    fn words(&self) -> Vec<u32> {
+        let levels = 0..self.shape.trees.len();
+        let of_channel =
+            |channel: usize| levels.clone().map(|level| self.hulls(channel, level)).collect();
+        let hulls: Vec<Vec<Vec<Vec<ValueRange>>>> =
+            (0..self.judges.len()).map(of_channel).collect();
+        let mut words = Vec::new();
+        for (level, tree) in self.shape.trees.iter().enumerate() {
+            let first = tree.tier as usize;
+            let lowest = &self.shape.tiers[first];
+            // Of a channel in a node of the tier `number`, or in the node around it.
+            let range = |at: usize, number: usize, node: [u32; 3]| {
+                let last = self.shape.trees.len() - 1;
+                let [from, to] = self.levels[at].map(|bound| bound.min(last));
+                let drawn = level.clamp(from, to);
+                let coarsest = self.shape.trees[drawn].tier as usize;
+                let around = number.max(coarsest);
+                let tier = &self.shape.tiers[around];
+                let node = self.shape.tiers[number].ancestor(tier, node);
+                hulls[at][drawn][around - coarsest][index(tier.nodes, node)]
+            };
+            let of_leaf = |leaf: [u32; 3]| {
+                let (mut shown, mut one) = (0, true);
+                for (at, judge) in self.judges.iter().enumerate() {
+                    let range = range(at, first, leaf);
+                    let entry = BrickEntry::Stored { range, loss: 0.0 };
+                    if !range.is_empty() && judge.shows(&entry) != Shows::Hidden {
+                        shown |= 1 << at;
+                        one &= range.least == range.greatest;
+                    }
+                }
+                if shown != 0 && one { shown | ONE_VALUE } else { shown }
+            };
+            // Whether a word may be that of a node.
+            let whole = |number: usize, node: [u32; 3], word: u32| {
+                let one = |at: usize| {
+                    let range = range(at, number, node);
+                    range.least == range.greatest
+                };
+                word & ONE_VALUE == 0
+                    || (0..self.judges.len()).all(|at| word >> at & 1 == 0 || one(at))
+            };
+            let leaves: Vec<_> =
+                Nodes::all(lowest).each().map(|leaf| (leaf, of_leaf(leaf))).collect();
+            let mut rises = vec![0; leaves.len()];
+            for (above, tier) in self.shape.tiers[first..].iter().enumerate().skip(1) {
+                let number = first + above;
+                if (0..3).any(|axis| {
+                    1u64 << (tier.shift[axis] - lowest.shift[axis]) > RISE_LEAVES.into()
+                }) {
+                    break;
+                }
+                let around = |leaf| index(tier.nodes, lowest.ancestor(tier, leaf));
+                let mut same = vec![None; Nodes::all(tier).count() as usize];
+                for (leaf, word) in &leaves {
+                    let node = lowest.ancestor(tier, *leaf);
+                    let (least, greatest) = same[around(*leaf)].unwrap_or((*word, *word));
+                    let fits = whole(number, node, *word);
+                    same[around(*leaf)] =
+                        Some((least.min(*word), if fits { greatest.max(*word) } else { u32::MAX }));
+                }
+                for ((leaf, _), rise) in leaves.iter().zip(&mut rises) {
+                    if *rise + 1 == above && same[around(*leaf)].is_some_and(|(a, b)| a == b) {
+                        *rise = above;
+                    }
+                }
+            }
+            let risen = leaves.iter().zip(rises);
+            words.extend(risen.map(|((_, word), rise)| word | (rise as u32) << RISE_SHIFT));
+        }
+        words
+    }
+}
+
+/// What the device would have.
+struct Device {
+    bytes: Vec<u8>,
+    bits: u32,
+    sent: u64,
+}
+
+impl Device {
+    fn take(&mut self, leaf_words: &mut LeafWords) {
+        let mut next = 0;
+        for (offset, bytes) in leaf_words.changed() {
+            assert!(offset % 4 == 0 && bytes.len() % 4 == 0 && !bytes.is_empty());
+            assert!(offset >= next, "spans rise and are apart");
+            next = offset + bytes.len() as u64 + 257;
+            self.bytes[offset as usize..][..bytes.len()].copy_from_slice(&bytes);
+            self.sent += bytes.len() as u64;
+        }
+        assert!(leaf_words.changed().is_empty(), "said twice");
+        assert_eq!(leaf_words.work.bytes_changed, self.sent);
+    }
+
+    fn word(&self, number: usize) -> u32 {
+        let bit = number * self.bits as usize;
+        let word = u32::from_le_bytes(self.bytes[bit / 32 * 4..][..4].try_into().expect("four"));
+        let small = u64::from(word) >> (bit % 32) & ((1 << self.bits) - 1);
+        unpacked(small as u32, self.bits)
+    }
+}
+
+fn range(format: VoxelFormat, random: &mut Random) -> ValueRange {
+    let (least, greatest, whole) = extent(format);
+    let value = |random: &mut Random| {
+        let value = least + (greatest - least) * random.unit() as f32;
+        if whole { value.round() } else { value }
+    };
+    let (a, b) = (value(random), value(random));
+    let mut range = match random.below(8) {
+        0 => ValueRange::EMPTY,
+        // Few values, so that neighbours share one now and then.
+        1..4 => ValueRange::of(least + random.below(3) as f32),
+        4 => ValueRange { least: a, greatest: (a + 0.01 * (greatest - a)).max(a) },
+        _ => ValueRange { least: a.min(b), greatest: a.max(b) },
+    };
+    if !whole && random.once_in(10) && !range.is_empty() {
+        range.greatest = f32::INFINITY;
+    }
+    if !whole && random.once_in(20) && !range.is_empty() {
+        range.least = f32::NEG_INFINITY;
+    }
+    range
+}
+
+fn entry(format: VoxelFormat, random: &mut Random) -> Result<BrickEntry> {
+    let (least, ..) = extent(format);
+    match random.below(20) {
+        0 => Err(Error::input("a bad day")),
+        1..4 => Ok(BrickEntry::Absent),
+        4..8 => {
+            let value = least + random.below(3) as f32;
+            let special = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -0.0];
+            let value = if random.once_in(3) { random.one(&special) } else { value };
+            Ok(BrickEntry::Constant(match format {
+                VoxelFormat::U8 => [value as u8, 0, 0, 0],
+                VoxelFormat::I16 => {
+                    let [low, high] = (value as i16).to_le_bytes();
+                    [low, high, 0, 0]
+                }
+                VoxelFormat::F32 => value.to_le_bytes(),
+                _ => {
+                    let [low, high] = (value as u16).to_le_bytes();
+                    [low, high, 0, 0]
+                }
+            }))
+        }
+        8 => Ok(BrickEntry::Stored {
+            range: ValueRange { least: f32::NAN, greatest: least },
+            loss: 0.0,
+        }),
+        _ => Ok(BrickEntry::Stored { range: range(format, random), loss: f32::NAN }),
+    }
+}
+
+struct Run {
+    world: World,
+    model: Model,
+    leaf_words: LeafWords,
+    inspect: Inspect,
+    device: Device,
+    random: Random,
+}
+
+impl Run {
+    fn new(plan: Plan, seed: u64) -> Run {
+        let mut random = Random(seed);
+        let mut world = World::new(plan, seed);
+        if plan.format == VoxelFormat::F32 {
+            for level in world.sources.iter_mut().flatten() {
+                for value in level.values.iter_mut().step_by(1 + random.index(90)) {
+                    *value = f32::INFINITY.copysign(*value - 2.0);
+                }
+            }
+        }
+        let model = Model::new(plan, &mut random);
+        let leaf_words = model.leaf_words();
+        let inspect = leaf_words.inspect();
+        let bits = bits_of_word(plan.channels.len() as u32);
+        let bytes = LeafWords::bytes(&model.shape, plan.channels.len());
+        let device = Device { bytes: vec![0xa5; bytes as usize], bits, sent: 0 };
+        Run { world, model, leaf_words, inspect, device, random }
+    }
+
+    /// Of the volume, or now and then beside it.
+    fn id(&mut self) -> (usize, BrickId) {
+        let random = &mut self.random;
+        let channel = random.index(self.model.judges.len());
+        let level = random.index(self.model.shape.trees.len());
+        let mut bricks = self.model.shape.bricks(level);
+        let mut level = level as u8;
+        match random.below(60) {
+            0 => level = self.model.shape.trees.len() as u8,
+            1 => bricks[random.index(3)] += 2,
+            _ => {}
+        }
+        let [x, y, z] = bricks.map(|count| random.below(count.into()) as u32);
+        (channel, BrickId { volume: 0, channel: in_source(channel), level, x, y, z })
+    }
+
+    fn survey(&mut self) {
+        let (_, id) = self.id();
+        let format = self.model.plan.format;
+        let mut entries = Vec::new();
+        match self.random.below(3) {
+            0 => {
+                for _ in 0..self.random.below(4) {
+                    let (_, id) = self.id();
+                    entries.push((id, entry(format, &mut self.random)));
+                }
+            }
+            _ if usize::from(id.level) < self.model.shape.trees.len() => {
+                let grid = BrickGrid {
+                    size: Size3::from_array(self.model.shape.sizes[usize::from(id.level)]),
+                    payload: Size3::from_array(self.model.plan.payload),
+                };
+                // Blocks are of one kind now and then, so that words rise.
+                let all = entry(format, &mut self.random);
+                let mixed = self.random.once_in(2);
+                for id in Block::of(id).bricks(grid) {
+                    let own = mixed || self.random.once_in(40);
+                    let of = if own { entry(format, &mut self.random) } else { all.clone() };
+                    entries.push((id, of));
+                }
+            }
+            _ => entries.push((id, Err(Error::input("no such block")))),
+        }
+        if self.random.once_in(10) {
+            // Not shown by the scene: nothing changes.
+            entries.push((BrickId { channel: 2, ..id }, Ok(BrickEntry::Absent)));
+        }
+        self.leaf_words.take_survey(&entries);
+        for (id, entry) in &entries {
+            if id.channel % 2 == 0 {
+                continue;
+            }
+            if let Some(known) = self.model.known(usize::from(id.channel / 2), *id)
+                && !(matches!(known, Known::Leaves(_)) && entry.is_ok())
+            {
+                *known = Known::Range(surveyed(entry, format));
+            }
+        }
+    }
+
+    /// A brick of the volume's own voxels.
+    fn brick(&mut self) {
+        let (channel, id) = self.id();
+        let level = usize::from(id.level);
+        let brick = [id.x, id.y, id.z];
+        if self.model.known(channel, id).is_none() {
+            assert!((self.inspect)(id, &[0; 64]).is_empty());
+            self.leaf_words.take_brick(id, &[ValueRange::EMPTY]);
+            return;
+        }
+        let (voxels, _) = self.world.brick(channel, level, brick);
+        let ranges = (self.inspect)(id, voxels.bytes());
+        assert!((self.inspect)(id, &voxels.bytes()[1..]).is_empty(), "too short");
+        assert!((self.inspect)(BrickId { channel: 2, ..id }, voxels.bytes()).is_empty());
+        let edges = self.model.shape.leaf_edges(level);
+        let of = &self.world.sources[channel][level];
+        let along = self.model.leaves_along(level, brick);
+        let leaves = Nodes { start: [0; 3], end: along };
+        let naive: Vec<ValueRange> = leaves
+            .each()
+            .map(|leaf| {
+                let payload = self.model.plan.payload;
+                let start: [i64; 3] = std::array::from_fn(|axis| {
+                    i64::from(brick[axis] * payload[axis] + leaf[axis] * edges[axis]) - 1
+                });
+                let end = std::array::from_fn(|axis| {
+                    let end = start[axis] + 1 + i64::from(edges[axis]);
+                    end.min(of.size[axis].into()) + 1
+                });
+                let (range, alike) = of.range(start, end);
+                drawn(range, alike)
+            })
+            .collect();
+        assert_eq!(ranges, naive, "{id:?}");
+        self.tell(channel, id, naive);
+    }
+
+    /// Ranges of no volume at all, or too many of them.
+    fn ranges(&mut self) {
+        let (channel, id) = self.id();
+        if self.model.known(channel, id).is_none() {
+            return;
+        }
+        let along = self.model.leaves_along(usize::from(id.level), [id.x, id.y, id.z]);
+        let alike = self.random.once_in(2).then(|| range(self.model.plan.format, &mut self.random));
+        let one =
+            |random: &mut Random| alike.unwrap_or_else(|| range(self.model.plan.format, random));
+        let ranges: Vec<_> =
+            (0..along.iter().product()).map(|_: u32| one(&mut self.random)).collect();
+        let wrong = [ranges.clone(), vec![ValueRange::EMPTY]].concat();
+        self.leaf_words.take_brick(id, &wrong);
+        self.tell(channel, id, ranges);
+    }
+
+    fn tell(&mut self, channel: usize, id: BrickId, ranges: Vec<ValueRange>) {
+        self.leaf_words.take_brick(id, &ranges);
+        if let Some(known) = self.model.known(channel, id) {
+            *known = Known::Leaves(ranges);
+        }
+    }
+
+    fn happen(&mut self) {
+        match self.random.below(1000) {
+            0..3 => {
+                self.leaf_words.forget();
+                let all = self.model.known.iter_mut().flatten().flatten();
+                all.for_each(|known| *known = Known::Nothing);
+            }
+            3..250 => self.survey(),
+            250..600 => self.brick(),
+            600..800 => self.ranges(),
+            800..900 => {
+                let (channel, id) = self.id();
+                self.leaf_words.failed(id);
+                if let Some(known) = self.model.known(channel, id) {
+                    *known = Known::Range(ValueRange::EMPTY);
+                }
+            }
+            _ => {
+                let (channel, id) = self.id();
+                self.leaf_words.forget_failed(id);
+                if let Some(known) = self.model.known(channel, id) {
+                    *known = Known::Nothing;
+                }
+            }
+        }
+    }
+
+    fn check(&mut self) -> std::result::Result<(), String> {
+        self.device.take(&mut self.leaf_words);
+        for (number, word) in self.model.words().into_iter().enumerate() {
+            let got = self.device.word(number);
+            if got != word {
+                return Err(format!("word {number}: {got:x} for {word:x}"));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn the_device_has_the_words_of_what_is_known() {
+    for seed in 0..3 * PLANS.len() as u64 {
+        let plan = PLANS[seed as usize % PLANS.len()];
+        let mut run = Run::new(plan, seed);
+        for step in 0..600 {
+            if step % 6 == 0 {
+                run.check().unwrap_or_else(|why| panic!("seed {seed}, {plan:?}, {step}: {why}"));
+            } else if run.random.once_in(3) {
+                run.device.take(&mut run.leaf_words);
+            }
+            run.happen();
+        }
+        let words = run.model.words();
+        let rises = words.iter().filter(|word| *word >> RISE_SHIFT > 0).count();
+        eprintln!("seed {seed}: {} words, {rises} rise, {:?}", words.len(), run.leaf_words.work);
+    }
+}
