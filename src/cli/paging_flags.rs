@@ -5,7 +5,7 @@ use std::time::Duration;
 use clap::Args;
 
 use crate::render::Addressing;
-use crate::render::paging::{CopyPath, PagingSettings};
+use crate::render::paging::{CopyPath, PagingSettings, Traversal};
 
 /// How bricks are paged. Nothing here changes a finished picture, but for --show-states.
 #[derive(Args)]
@@ -14,6 +14,16 @@ pub struct PagingFlags {
     /// auto (direct where level 0 fits the atlas and memory).
     #[arg(long, default_value = "auto", value_parser = addressing, help_heading = "Paging")]
     addressing: Addressing,
+    /// How rays cross what shows nothing: page-table (brick by brick), residency-octree (box by box, down to
+    /// --leaf).
+    #[arg(long, default_value = "page-table", value_parser = traversal, help_heading = "Paging")]
+    traversal: Traversal,
+    /// Least voxels along the edges of a leaf of the residency octree: halved bricks, no smaller than this.
+    #[arg(long, value_name = "XxYxZ", default_value = "4x4x4", value_parser = leaf, help_heading = "Paging")]
+    leaf: Leaf,
+    /// Children of a node of the residency octree along each axis: 2 or 4.
+    #[arg(long, value_name = "N", default_value = "2", value_parser = fan_out, help_heading = "Paging")]
+    fan_out: u32,
     /// Bricks that each atlas holds at most; default: as many as atlas_mib allows.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Paging")]
     atlas_slots: Option<u32>,
@@ -56,6 +66,9 @@ impl PagingFlags {
     /// The settings they stand for.
     pub fn settings(&self) -> PagingSettings {
         PagingSettings {
+            traversal: self.traversal,
+            leaf: self.leaf.0,
+            fan_out: self.fan_out,
             atlas_slots: self.atlas_slots,
             staging_bricks: self.staging_bricks,
             loaders: self.loaders,
@@ -74,6 +87,39 @@ fn addressing(text: &str) -> Result<Addressing, String> {
         "direct" => Ok(Addressing::Direct),
         "paged" => Ok(Addressing::Paged),
         _ => Err("expected auto, direct or paged".to_owned()),
+    }
+}
+
+fn traversal(text: &str) -> Result<Traversal, String> {
+    let all = [Traversal::PageTable, Traversal::ResidencyOctree];
+    all.into_iter()
+        .find(|traversal| traversal.name() == text)
+        .ok_or_else(|| "expected page-table or residency-octree".to_owned())
+}
+
+#[derive(Clone, Copy)]
+struct Leaf([u32; 3]);
+
+/// Voxels of a leaf's edge at most: no brick is larger.
+const LEAF_EDGE_MAX: u32 = 1024;
+
+fn leaf(text: &str) -> Result<Leaf, String> {
+    let edges: Vec<u32> = text.split('x').map_while(|edge| edge.parse().ok()).collect();
+    let whole = edges.len() == text.split('x').count();
+    match (whole, &edges[..]) {
+        (true, &[edge]) if (1..=LEAF_EDGE_MAX).contains(&edge) => Ok(Leaf([edge; 3])),
+        (true, &[x, y, z]) if [x, y, z].iter().all(|e| (1..=LEAF_EDGE_MAX).contains(e)) => {
+            Ok(Leaf([x, y, z]))
+        }
+        _ => Err(format!("expected 4 or 8x8x4, edges from 1 to {LEAF_EDGE_MAX}")),
+    }
+}
+
+fn fan_out(text: &str) -> Result<u32, String> {
+    match text {
+        "2" => Ok(2),
+        "4" => Ok(4),
+        _ => Err("expected 2 or 4".to_owned()),
     }
 }
 

@@ -47,3 +47,10 @@ pub enum Delivery {
         entries: Vec<(BrickId, Result<BrickEntry>)>,
     },
 }
+
+impl Delivery {
+    /// Whether it brings this brick's voxels.
+    pub fn is_brick(&self, wanted: BrickId) -> bool {
+        matches!(self, Delivery::Brick { id, .. } if *id == wanted)
+    }
+}

@@ -3,6 +3,7 @@
 use crate::gpu::Variant;
 use crate::passes::cache_buffers::{RankOrder, RankShape};
 use crate::passes::march_shape::Shape;
+use crate::twins::limits::BLOCK_SAMPLES;
 
 /// Where an atlas stands in the buffers that all atlases share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -55,7 +56,18 @@ pub struct BrickShape {
     pub slot: [u32; 3],
 }
 
+/// Runs of samples in one brick that a ray looks up at a time; as in brick_march.glsl.
+const RUNS: u32 = 4;
+
 impl BrickShape {
+    /// Turns of all loops of the shader over one block of samples, at most. Loops over coarser levels are
+    /// left out: a ray that often takes what stands in has few samples in all.
+    pub fn turns_of_block(&self) -> u32 {
+        let channels = self.places.len() as u32;
+        let boxes = if self.octree.is_some() { BLOCK_SAMPLES + RUNS * channels } else { 0 };
+        self.march.turns_of_block() + RUNS + boxes
+    }
+
     /// The variant of march_bricks.
     pub fn variant(&self) -> Variant {
         let (mut declare, mut look_up, mut mark) = (String::new(), String::new(), String::new());

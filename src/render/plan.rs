@@ -235,7 +235,7 @@ impl Plan {
             edges * voxels.world_from_voxel.smallest_edge()
         });
         let samples_of_ray_max = samples_of_ray_max(&voxels, step_world)?;
-        let dispatches = dispatches_of(samples_of_ray_max, settings, &shape);
+        let dispatches = dispatches_of(samples_of_ray_max, settings, shape.turns_of_block());
 
         let (picture, tile, tiles) = tiles_of(scene.picture.size, settings);
         // The longest ray fits one dispatch: no state of rays is kept between passes.
@@ -303,7 +303,8 @@ impl Plan {
         let scene = &data.scene;
         let paging = PagingPlan::new(gpu, data, settings, meter)?;
         let samples_of_ray_max = checked_samples(paging.samples_of_ray_max())?;
-        let dispatches = dispatches_of(samples_of_ray_max, settings, &paging.bricks.march);
+        let dispatches =
+            dispatches_of(samples_of_ray_max, settings, paging.bricks.turns_of_block());
         let (picture, tile, tiles) = tiles_of(scene.picture.size, settings);
         let specs = paging.buffers(u64::from(tile[0]) * u64::from(tile[1]));
         let buffers = planned_buffers(gpu, specs);
@@ -337,6 +338,9 @@ impl Plan {
             left_out.add("weights of wishes, coarser levels for missing bricks", "refine is exact");
         } else {
             left_out.add("marks of bricks that waiting rays need", "rays do not wait");
+        }
+        if paging.octree.is_none() {
+            left_out.add("residency octree", "rays go brick by brick");
         }
         if !paging.bricks.skipping {
             left_out.add("skipping of bricks that show nothing", "--no-skipping");
@@ -411,7 +415,11 @@ impl Plan {
     /// Blocks of samples in one dispatch: no more than a ray can have.
     pub(super) fn blocks_per_dispatch(&self) -> u32 {
         let needed = self.samples_of_ray_max.div_ceil(u64::from(BLOCK_SAMPLES));
-        blocks_per_dispatch(&self.settings, &self.shape).min(needed as u32)
+        let turns = match &self.paging {
+            Some(paging) => paging.bricks.turns_of_block(),
+            None => self.shape.turns_of_block(),
+        };
+        blocks_per_dispatch(&self.settings, turns).min(needed as u32)
     }
 }
 
@@ -529,12 +537,12 @@ fn check_limits(gpu: &Gpu, buffers: &[PlannedBuffer], memory_bytes: u64) -> Resu
 }
 
 /// As the settings say, and no more than loops can turn.
-fn blocks_per_dispatch(settings: &Settings, shape: &Shape) -> u32 {
-    settings.blocks_per_dispatch().min(LOOP_TURNS_MAX / shape.turns_of_block()).max(1)
+fn blocks_per_dispatch(settings: &Settings, turns_of_block: u32) -> u32 {
+    settings.blocks_per_dispatch().min(LOOP_TURNS_MAX / turns_of_block).max(1)
 }
 
-fn dispatches_of(samples_of_ray_max: u64, settings: &Settings, shape: &Shape) -> u32 {
-    let samples = blocks_per_dispatch(settings, shape) * BLOCK_SAMPLES;
+fn dispatches_of(samples_of_ray_max: u64, settings: &Settings, turns_of_block: u32) -> u32 {
+    let samples = blocks_per_dispatch(settings, turns_of_block) * BLOCK_SAMPLES;
     samples_of_ray_max.div_ceil(u64::from(samples)) as u32
 }
 

@@ -22,7 +22,7 @@ mod visibility;
 pub use brick_numbers::{BrickNumbers, ChannelPlace};
 pub use brick_texels::write_texels;
 pub use leaf_words::{LeafChannel, LeafWords, LeafWork};
-pub use settings::{CopyPath, LoadOrder, PagingSettings};
+pub use settings::{CopyPath, LoadOrder, PagingSettings, Traversal};
 pub use view_levels::{LevelChoice, ViewLevels};
 
 pub(super) use paged::Paged;

@@ -7,10 +7,11 @@ use crate::error::Result;
 use crate::gpu::{
     Buffer, ComputePipeline, Gpu, Place, Record, Shader, SlotEvent, Staging, TimePoint,
 };
-use crate::loading::{Loading, LoadingLimits};
-use crate::passes::march_bricks::RayBuffers;
+use crate::loading::{Delivery, Loading, LoadingLimits};
+use crate::passes::march_bricks::{OctreeBuffers, RayBuffers};
 use crate::render::paging::brick_texels::write_texels;
 use crate::render::paging::host_cache::HostCache;
+use crate::render::paging::leaf_words::{LeafChannel, LeafWords};
 use crate::render::paging::placing::{Placing, slots_by_atlas};
 use crate::render::paging::plan::PagingPlan;
 use crate::render::paging::settings::CopyPath;
@@ -20,6 +21,7 @@ use crate::render::statistics::Statistics;
 use crate::residency::Residency;
 use crate::source::Description;
 use crate::trace::Trace;
+use crate::twins::octree_ranges::Coding;
 use crate::twins::place::Placement;
 use crate::volume::BrickId;
 
@@ -32,6 +34,8 @@ pub struct Paged {
     pub staging: Staging,
     pub loading: Loading,
     pub host: HostCache,
+    /// What is known of leaves, and the device's copy, where rays use an octree.
+    pub octree: Option<(LeafWords, OctreeBuffers)>,
     pub description: Description,
     pub set_up: Arc<ComputePipeline>,
     pub march: Arc<ComputePipeline>,
@@ -100,8 +104,29 @@ impl Paged {
             let submitted = staging.flush("order", &[], &[residency.order_buffer()], &[])?;
             first_copies.extend(submitted.map(|submitted| submitted.point));
         }
+        let octree = match &plan.octree {
+            None => None,
+            Some(octree) => {
+                let channel = |in_source: &u16| LeafChannel {
+                    in_source: *in_source,
+                    judge: plan.judges[in_source].clone(),
+                    levels: [0, octree.trees.len() - 1],
+                };
+                let channels = data.volumes[0].channels.iter().map(channel).collect();
+                let buffers = OctreeBuffers {
+                    level_leaves: make("level_leaves")?,
+                    leaf_words: make("leaf_words")?,
+                };
+                let leaves = octree.level_leaves();
+                buffers.level_leaves.write(0, bytemuck::cast_slice(&leaves))?;
+                Some((LeafWords::new(octree.clone(), channels), buffers))
+            }
+        };
+        let codings: Vec<_> = plan.judges.values().map(|judge| Coding::of(judge.format)).collect();
+        let of_octree =
+            plan.octree.as_ref().map_or(0, |octree| LeafWords::host_bytes(octree, &codings));
         let limits = LoadingLimits {
-            ram_bytes: data.scene.memory.ram_mib << 20,
+            ram_bytes: (data.scene.memory.ram_mib << 20).saturating_sub(of_octree),
             loaders: whole.settings.paging.loader_count(),
             attempts: ATTEMPTS,
             ..LoadingLimits::default()
@@ -110,7 +135,10 @@ impl Paged {
         let slot_first =
             plan.residency.atlases.iter().map(|atlas| atlas.shape.slot_first).collect();
         let description = source.description().clone();
-        let mut loading = Loading::new(vec![source], limits)?;
+        let mut loading = match &octree {
+            Some((words, _)) => Loading::inspecting(vec![source], limits, words.inspect())?,
+            None => Loading::new(vec![source], limits)?,
+        };
         trace.into_iter().for_each(|_| loading.keep_jobs());
         Ok(Paged {
             host: HostCache::new(
@@ -140,6 +168,7 @@ impl Paged {
                 )?),
             },
             loading,
+            octree,
             residency,
             staging,
             description,
@@ -245,9 +274,41 @@ impl Paged {
         // What failed before may have recovered.
         if !self.host.failures().is_empty() {
             self.loading.forget_failures();
-            self.host.forget_failures();
+            self.forget_failures();
         }
         self.copy_ms_before = self.staging.copy_ms();
+    }
+
+    /// Failed bricks may be asked for again.
+    pub fn forget_failures(&mut self) {
+        if let Some((words, _)) = &mut self.octree {
+            self.host.failures().keys().for_each(|id| words.forget_failed(*id));
+        }
+        self.host.forget_failures();
+    }
+
+    /// Tells the octree what a delivery says of leaves.
+    pub fn learn(&mut self, delivery: &Delivery) {
+        let Some((words, _)) = &mut self.octree else { return };
+        match delivery {
+            Delivery::Surveyed { entries, .. } => words.take_survey(entries),
+            Delivery::Failed { id, .. } => words.failed(*id),
+            Delivery::Brick { id, leaf_ranges, .. } => {
+                leaf_ranges.iter().for_each(|ranges| words.take_brick(*id, ranges));
+            }
+        }
+    }
+
+    /// Writes what leaves were learned since the last round; the device must have ended it.
+    ///
+    /// # Errors
+    /// Exit code 4 when the device is lost.
+    pub fn tell_leaves(&mut self) -> Result<()> {
+        let Some((words, buffers)) = &mut self.octree else { return Ok(()) };
+        for (offset, bytes) in words.changed() {
+            buffers.leaf_words.write(offset, &bytes)?;
+        }
+        Ok(())
     }
 
     /// Adds what the view cost to its statistics.
@@ -294,6 +355,7 @@ impl Paged {
         self.flush(gpu, None)?;
         self.loading.new_epoch(0);
         self.host.clear();
+        self.octree.iter_mut().for_each(|(words, _)| words.forget());
         self.readable.clear();
         self.cleared = false;
         Ok(())

@@ -2,18 +2,20 @@
 
 use std::collections::HashMap;
 use std::ops::Range;
+use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::gpu::{BufferSpec, Gpu, Image, MemoryHome, Staging, Variant};
-use crate::passes::brick_shape::{AtlasShape, BrickShape};
+use crate::passes::brick_shape::{AtlasShape, BrickShape, OctreeShape};
 use crate::passes::cache_buffers::{RankOrder, RankShape};
 use crate::passes::march_shape::{ChannelShape, MacrocellUse, Shape};
 use crate::passes::{place, rays, resolve};
 use crate::render::image_layout::{Layout, TexelLayout};
 use crate::render::paging::brick_numbers::{BrickNumbers, ChannelPlace};
 use crate::render::paging::host_cache::CONSTANTS_MAX;
+use crate::render::paging::leaf_words::LeafWords;
 use crate::render::paging::placing::Placing;
-use crate::render::paging::settings::{CopyPath, LoadOrder};
+use crate::render::paging::settings::{CopyPath, LoadOrder, PagingSettings, Traversal};
 use crate::render::paging::view_levels::{LevelChoice, ViewLevels};
 use crate::render::paging::visibility::Judge;
 use crate::render::planned_layout::{LayoutMeter, PlannedLayout, choose, quads_possible};
@@ -23,6 +25,9 @@ use crate::render::transfer_segments::{open_both_ends, transfer_segments};
 use crate::residency::{AtlasLayout, AtlasPlan, ResidencyShape};
 use crate::scene::{Filter, Integrator, Quality, Refine};
 use crate::source::{ChannelDescription, Description};
+use crate::twins::octree::{CHANNELS_MAX, LevelLeaves, bits_of_word};
+use crate::twins::octree_ranges::Coding;
+use crate::twins::octree_shape::{Shape as Octree, Wanted};
 use crate::twins::ray::{RayGeometry, RayState};
 use crate::twins::ray_block::RayBlock;
 use crate::twins::ray_setup::ViewRays;
@@ -37,6 +42,8 @@ const LIST_MAX: u32 = 4096;
 const UPDATES_MAX: u32 = 65_536;
 /// With fewer slots than this, four times as many smaller ones are worth more than fewer fetches.
 const QUADS_SLOTS_MIN: u32 = 64;
+/// The octree's share of `ram_mib` is one over this at most; leaves grow to keep to it.
+const OCTREE_SHARE: u64 = 2;
 
 /// See the module.
 #[derive(Clone, Debug)]
@@ -55,6 +62,8 @@ pub struct PagingPlan {
     pub segments: Vec<TransferSegment>,
     /// Atlas, page table, lists.
     pub residency: ResidencyShape,
+    /// Nodes of the residency octree, where rays use one.
+    pub octree: Option<Arc<Octree>>,
     /// Of march_bricks.
     pub bricks: BrickShape,
     /// Bricks that are loaded first and never given up; substitute refinement alone.
@@ -160,6 +169,16 @@ impl PagingPlan {
             atlases: atlases.plans,
         };
         residency.updates_max = UPDATES_MAX.min(residency.entries());
+        let octree = octree(
+            description,
+            &source.shown().map(|c| c.format).collect::<Vec<_>>(),
+            settings,
+            scene.memory.ram_mib << 20,
+        );
+        let octree_shape = |octree: &Arc<Octree>| OctreeShape {
+            leaf: octree.leaf,
+            word_bits: bits_of_word(volume.channels.len() as u32),
+        };
         let bricks = BrickShape {
             march: Shape {
                 channels: shapes,
@@ -175,7 +194,7 @@ impl PagingPlan {
             several_levels: views.iter().any(ViewLevels::several),
             views: scene.views.len(),
             skipping: settings.skipping,
-            octree: None,
+            octree: octree.as_ref().map(octree_shape),
             show_states: settings.paging.show_states,
             marks: settings.paging.marks,
             payload: description.payload.to_array(),
@@ -197,6 +216,7 @@ impl PagingPlan {
             judges,
             segments,
             residency,
+            octree,
             bricks,
             held,
             copy_path,
@@ -234,6 +254,12 @@ impl PagingPlan {
             spec("ray_block", per_ray(size_of::<RayBlock>()), MemoryHome::Device),
             spec("ray_place", per_ray(4), MemoryHome::Device),
         ];
+        if let Some(octree) = &self.octree {
+            let words = LeafWords::bytes(octree, self.layouts.len());
+            specs.push(spec("leaf_words", words, MemoryHome::Upload));
+            let leaves = of(octree.trees.len(), size_of::<LevelLeaves>());
+            specs.push(spec("level_leaves", leaves, MemoryHome::Upload));
+        }
         if self.copy_path == CopyPath::Placed {
             specs.push(spec("upload", self.staging_half_bytes, MemoryHome::Device));
             specs.push(Placing::placements_spec(self.residency.slots() as usize));
@@ -264,6 +290,26 @@ impl PagingPlan {
         }
         variants
     }
+}
+
+/// The octree's nodes; nothing where rays use none, or no word has room for so many channels.
+fn octree(
+    description: &Description,
+    formats: &[VoxelFormat],
+    settings: &Settings,
+    ram_bytes: u64,
+) -> Option<Arc<Octree>> {
+    let PagingSettings { traversal, leaf, fan_out, show_states, .. } = settings.paging;
+    // A box that is crossed does not tell what is absent from what is hidden.
+    let used = traversal == Traversal::ResidencyOctree && settings.skipping && !show_states;
+    if !used || formats.len() > CHANNELS_MAX as usize {
+        return None;
+    }
+    // Ranges of all channels, the word of a node and of most leaves.
+    let words: usize = formats.iter().map(|format| Coding::of(*format).words()).sum();
+    let nodes_max = ram_bytes / OCTREE_SHARE / (4 * (words as u64 + 2));
+    let wanted = Wanted { leaf, fan_out, nodes_max };
+    Octree::new(&description.levels, description.payload, &wanted).map(Arc::new)
 }
 
 /// The coarsest levels that together take an eighth of every atlas at most: the floor.

@@ -33,6 +33,7 @@ impl Renderer {
         if let Some((first, texels)) = paged.host.new_constants() {
             paged.constants.write(first as u64 * 16, bytemuck::cast_slice(texels))?;
         }
+        paged.tell_leaves()?;
         let updates = paged.host.take_updates(paged.plan.residency.updates_max as usize);
         paged.residency.begin(&updates)?;
         let mut waits: Vec<TimePoint> = std::mem::take(&mut paged.first_copies);
@@ -95,7 +96,7 @@ impl Renderer {
                 constants: &paged.constants,
                 atlases: paged.residency.atlases(),
                 sampler,
-                octree: None,
+                octree: paged.octree.as_ref().map(|(_, buffers)| buffers),
             };
             for dispatch in first..last {
                 let push = twins::march_bricks::Push {

@@ -181,8 +181,10 @@ impl Rounds<'_, '_> {
         self.asked = Instant::now();
         while !self.gave_up() {
             match self.paged.loading.next(Duration::from_millis(50)) {
-                Some(Delivery::Brick { id: read, .. }) if read == id => {
-                    self.paged.host.forget_failures();
+                Some(delivery) if delivery.is_brick(id) => {
+                    self.paged.forget_failures();
+                    // Its voxels are in the RAM cache now, from which nobody inspects them again.
+                    self.paged.learn(&delivery);
                     return Ok(true);
                 }
                 Some(Delivery::Failed { id: failed, .. }) if failed == id => break,
@@ -339,6 +341,7 @@ impl Rounds<'_, '_> {
     }
 
     fn take(&mut self, delivery: Delivery) -> Result<()> {
+        self.paged.learn(&delivery);
         match delivery {
             Delivery::Surveyed { block, entries } => {
                 self.paged.host.take_survey(block, &entries);

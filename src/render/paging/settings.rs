@@ -31,9 +31,35 @@ pub enum LoadOrder {
     Papers,
 }
 
+/// How rays cross what shows nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Traversal {
+    /// Brick by brick, as the page table's entries say.
+    PageTable,
+    /// Box by box, as the words of a residency octree say; bricks are needed only where a leaf shows
+    /// something, and only by the channels that do.
+    ResidencyOctree,
+}
+
+impl Traversal {
+    /// The word used in plans and flags.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Traversal::PageTable => "page-table",
+            Traversal::ResidencyOctree => "residency-octree",
+        }
+    }
+}
+
 /// See the module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PagingSettings {
+    /// How rays cross what shows nothing.
+    pub traversal: Traversal,
+    /// Least voxels along the edges of an octree's leaf; leaves are halved bricks.
+    pub leaf: [u32; 3],
+    /// Children of an octree's node along each axis, 2 or 4.
+    pub fan_out: u32,
     /// Slots of each atlas at most; nothing: as many as atlas_mib holds.
     pub atlas_slots: Option<u32>,
     /// Bricks that a staging half holds at most; nothing: as many as staging_mib holds.
@@ -64,6 +90,9 @@ pub struct PagingSettings {
 impl Default for PagingSettings {
     fn default() -> PagingSettings {
         PagingSettings {
+            traversal: Traversal::PageTable,
+            leaf: [4; 3],
+            fan_out: 2,
             atlas_slots: None,
             staging_bricks: None,
             loaders: None,
