@@ -34,8 +34,14 @@ pub enum LoadOrder {
 /// How rays cross what shows nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Traversal {
-    /// Brick by brick, as the page table's entries say.
+    /// Brick by brick, as the page table's entries say; a channel needs no brick that shows nothing of it.
     PageTable,
+    /// The same as residency-octree-2023 compares with: only a brick that shows nothing of any channel is
+    /// left out. For `bench octree`.
+    PageTableOfPaper,
+    /// After Crassin, as residency-octree-2023 compares with: an octree for each channel whose nodes have a
+    /// brick each; a brick is sampled only where all its ancestors are resident. For `bench octree`.
+    Octree,
     /// Box by box, as the words of a residency octree say; bricks are needed only where a leaf shows
     /// something, and only by the channels that do.
     ResidencyOctree,
@@ -46,6 +52,8 @@ impl Traversal {
     pub const fn name(self) -> &'static str {
         match self {
             Traversal::PageTable => "page-table",
+            Traversal::PageTableOfPaper => "page-table-of-paper",
+            Traversal::Octree => "octree",
             Traversal::ResidencyOctree => "residency-octree",
         }
     }
