@@ -599,3 +599,63 @@ fn the_device_has_the_words_of_what_is_known() {
         eprintln!("seed {seed}: {} words, {rises} rise, {:?}", words.len(), run.leaf_words.work);
     }
 }
+
+/// An octree of one brick of 4 x 4 x 4 voxels and one leaf, in which every value shows.
+fn one_leaf(format: VoxelFormat) -> (LeafWords, BrickId) {
+    let plan = Plan { size: [4; 3], payload: [4; 3], leaf: [4; 3], format, ..PLANS[0] };
+    let segments = vec![TransferSegment { start: [1.0; 4], ..TransferSegment::default() }];
+    let layout = TexelLayout::of(format, ValueRange { least: 0.0, greatest: 1.0 }, Layout::Plain);
+    let judge = Judge { format, layout, segments, skipping: true };
+    // Levels that the volume does not have, and none at all between them.
+    let channel = LeafChannel { in_source: 0, judge, levels: [9, 3] };
+    let mut leaf_words = LeafWords::new(Arc::new(plan.shape(2)), vec![channel]);
+    assert_eq!(leaf_words.changed(), [(0, vec![1, 0, 0, 0])], "unknown, and nothing beside it");
+    (leaf_words, BrickId { volume: 0, channel: 0, level: 0, x: 0, y: 0, z: 0 })
+}
+
+#[test]
+fn one_value_is_what_every_voxel_has() {
+    const ONE: u8 = 1 << 4 | 1;
+    let stored = |value: f32| BrickEntry::Stored { range: ValueRange::of(value), loss: 0.0 };
+    let nan = BrickEntry::Constant(f32::NAN.to_le_bytes());
+    for (format, entry, word) in [
+        (VoxelFormat::Rgba8, BrickEntry::Constant([1, 2, 3, 4]), ONE),
+        // Of one alpha, and maybe of several colours; nothing is beside the greatest.
+        (VoxelFormat::Rgba8, stored(255.0), 1),
+        (VoxelFormat::U8, stored(255.0), ONE),
+        (VoxelFormat::U16, stored(65535.0), ONE),
+        // Holes are not in the range, infinities are drawn as the greatest value.
+        (VoxelFormat::F32, stored(f32::INFINITY), 1),
+        (VoxelFormat::F32, BrickEntry::Constant(f32::INFINITY.to_le_bytes()), ONE),
+        (VoxelFormat::F32, nan, 0),
+        (VoxelFormat::F32, BrickEntry::Absent, 0),
+    ] {
+        let (mut leaf_words, id) = one_leaf(format);
+        leaf_words.take_survey(&[(id, Ok(entry))]);
+        let wanted = if word == 1 { vec![] } else { vec![(0, vec![word, 0, 0, 0])] };
+        assert_eq!(leaf_words.changed(), wanted, "{format} {entry:?}");
+    }
+    // Its six voxels an axis are of one alpha; the last of another colour.
+    let (mut leaf_words, id) = one_leaf(VoxelFormat::Rgba8);
+    let inspect = leaf_words.inspect();
+    let mut bytes = [9, 8, 7, 255].repeat(6 * 6 * 6);
+    for (colour, word) in [(7, ONE), (6, 1)] {
+        bytes[4 * 215 + 2] = colour;
+        leaf_words.take_brick(id, &inspect(id, &bytes));
+        assert_eq!(leaf_words.changed(), [(0, vec![word, 0, 0, 0])]);
+    }
+}
+
+#[test]
+fn a_failed_brick_shows_nothing_until_it_is_forgotten() {
+    let (mut leaf_words, id) = one_leaf(VoxelFormat::U8);
+    leaf_words.take_brick(id, &[ValueRange { least: 3.0, greatest: 4.0 }]);
+    leaf_words.failed(id);
+    assert_eq!(leaf_words.changed(), [(0, vec![0; 4])]);
+    leaf_words.forget_failed(id);
+    assert_eq!(leaf_words.changed(), [(0, vec![1, 0, 0, 0])]);
+    leaf_words.take_survey(&[(id, Err(Error::input("a bad day")))]);
+    assert_eq!(leaf_words.changed(), [(0, vec![0; 4])]);
+    leaf_words.forget();
+    assert_eq!(leaf_words.changed(), [(0, vec![1, 0, 0, 0])]);
+}
