@@ -13,6 +13,8 @@ mod early_stop;
 mod faults;
 #[path = "octree/host.rs"]
 mod host;
+#[path = "octree/host_model.rs"]
+mod host_model;
 #[path = "octree/model.rs"]
 mod model;
 #[path = "octree/narrow_windows.rs"]
