@@ -350,6 +350,29 @@ void march_bricks(
     // Loops test at their start. Tested at their end they would save a turn that lavapipe runs for no ray,
     // but it then draws wrong: what a ray's last turn gave is computed again while its neighbours go on.
     while (blocks_left > 0u && state.next_sample < geometry.sample_count && !missing) {
+#ifdef OCTREE
+        // First boxes of nothing, from block to block. A ray that has found something waits here for its
+        // neighbours: what comes after the loop is paid once for all of them.
+        bool seeks = block.depth == 0.0;
+        while (seeks) {
+            Fixed3 anchor = fixed_advance(start, delta, state.next_sample);
+            vec3 position = fixed_fraction(anchor.fraction) + float(sample_index) * step_voxel;
+            uint samples = min(BLOCK_SAMPLES, geometry.sample_count - state.next_sample);
+            Box box = box_around(of_level, anchor.cell + ivec3(floor(position + 0.5)));
+            bool nothing = box.shows == 0u && sample_index < samples;
+            sample_index += nothing
+                ? samples_until_border(position, step_voxel, box.first, box.edge, anchor.cell) : 0u;
+            bool passes = sample_index >= samples;
+            uint passed = passes ? max(sample_index / BLOCK_SAMPLES * BLOCK_SAMPLES, samples) : 0u;
+            state.next_sample = min(geometry.sample_count, state.next_sample + passed);
+            sample_index -= min(passed, sample_index);
+            blocks_left -= passes ? 1u : 0u;
+            seeks = nothing && blocks_left > 0u && state.next_sample < geometry.sample_count;
+        }
+        bool more = blocks_left > 0u && state.next_sample < geometry.sample_count;
+#else
+        const bool more = true;
+#endif
         Fixed3 anchor = fixed_advance(start, delta, state.next_sample);
         vec3 anchor_fraction = fixed_fraction(anchor.fraction);
         uint samples = min(BLOCK_SAMPLES, geometry.sample_count - state.next_sample);
@@ -366,7 +389,7 @@ void march_bricks(
         uvec4 begins = uvec4(0xffffffffu);
         uvec4 channels_of_run = uvec4(0u);
         ivec3 last_brick = ivec3(-1);
-        bool room = true;
+        bool room = more;
         while (known < samples && room) {
             vec3 position = anchor_fraction + float(known) * step_voxel;
             ivec3 voxel = anchor.cell + ivec3(floor(position + 0.5));
@@ -504,7 +527,7 @@ void march_bricks(
 #elif defined(SKIPPING)
         sample_index = shown_to < known ? known : sample_index;
 #endif
-        if (sample_index >= samples) {
+        if (more && sample_index >= samples) {
             --blocks_left;
             join_block(state, block);
             block = Block(vec3(0.0), 0.0, 1.0);
