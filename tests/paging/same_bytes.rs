@@ -1,9 +1,9 @@
 //! Scenes of real data: whatever holds, moves and cuts the work, the finished picture has the same bytes.
 
 use ashfall::cli::load_scene;
-use ashfall::render::paging::CopyPath;
+use ashfall::render::paging::{CopyPath, Traversal};
 use ashfall::render::{Addressing, Layout, LayoutChoice, SceneData, Settings};
-use ashfall::scene::{Filter, Integrator, Overrides};
+use ashfall::scene::{Filter, Integrator, Overrides, Refine};
 
 use crate::common::drawing::{Device, Drawn};
 use crate::common::shared_data;
@@ -40,6 +40,10 @@ fn choices(row: usize) -> (SizeOf, Settings) {
         paging.loaders = Some(if column(8) { 1 } else { 8 });
         paging.copy_path = Some(if column(12) { CopyPath::Placed } else { CopyPath::Straight });
         paging.lockstep = !column(9);
+        if column(13) {
+            paging.traversal = Traversal::ResidencyOctree;
+        }
+        paging.leaf = if column(14) { [8, 8, 4] } else { [4; 3] };
     });
     let layout = LayoutChoice::Only(if column(6) { Layout::Quads } else { Layout::Plain });
     let tile = if column(10) { [48, 40] } else { settings.tile };
@@ -141,6 +145,42 @@ fn spans_have_the_same_bytes_too() {
     }
 }
 
+/// In a picture large enough that neighbours in a group of rays do different things; at first where levels
+/// grow coarser with the distance.
+#[test]
+fn an_octree_gives_the_same_bytes_as_the_page_table() {
+    let Some(device) = Device::open() else { return };
+    for (scene, integrator, level_max, refine, leaf, fan_out) in [
+        ("scenes/aneurism.toml", Integrator::Riemann, None, Refine::Exact, [4; 3], 2),
+        ("scenes/aneurism.toml", Integrator::Riemann, Some(0), Refine::Substitute, [4; 3], 4),
+        (
+            "scenes/dna_2_channels.toml",
+            Integrator::Preintegrated,
+            Some(0),
+            Refine::Exact,
+            [8; 3],
+            2,
+        ),
+        ("scenes/engine.toml", Integrator::Riemann, None, Refine::Substitute, [8, 8, 4], 2),
+    ] {
+        let overrides = Overrides { size: Some([384; 2]), level_max, ..Overrides::default() };
+        let Some(path) = shared_data() else { return };
+        let mut data = load_scene(&path.join(scene), &overrides).expect("a scene");
+        data.scene.quality.integrator = integrator;
+        let page_table = finished(&device, &data, &paged(|_| {}));
+        data.scene.quality.refine = refine;
+        let octree = paged(|paging| {
+            paging.traversal = Traversal::ResidencyOctree;
+            (paging.leaf, paging.fan_out) = (leaf, fan_out);
+        });
+        let drawn = finished(&device, &data, &octree);
+        assert_same(&drawn.picture, &page_table.picture, &format!("{scene}, {octree:?}"));
+        let [with, without] = [&drawn, &page_table].map(|drawn| drawn.statistics.samples);
+        assert!(with * 3 < without * 2 || refine == Refine::Substitute, "{scene}: {with}, {without}");
+    }
+    device.finish();
+}
+
 #[test]
 fn the_sampler_changes_little_between_atlases() {
     for scene in ["scenes/bonsai.toml", "scenes/stent.toml"] {
@@ -174,6 +214,8 @@ fn every_two_choices_meet_in_a_row() {
                 usize::from(settings.layout == LayoutChoice::Only(Layout::Quads)),
                 usize::from(settings.tile == [48, 40]),
                 usize::from(settings.steps_per_dispatch == 64),
+                usize::from(paging.traversal == Traversal::ResidencyOctree),
+                usize::from(paging.leaf == [4; 3]),
             ]
         })
         .collect();
