@@ -57,7 +57,18 @@ layout(push_constant) uniform Push {
     uint last;         // 1: the round's last dispatch, which says where rays wait
 } push;
 
-#ifdef SUBSTITUTE
+#if defined(ANCESTORS)
+// The coarsest that is not there, and no other.
+#define MARK(BIT, ENTRY_FIRST, CHANNELS, CHANNEL, SLOT_FIRST) \
+    if ((channels & BIT) != 0u) { \
+        bool waits_for = false; \
+        for (uint at = 0u; at < LEVELS - level && !waits_for; ++at) { \
+            uint entry = ENTRY_FIRST + place_around(level, LEVELS - 1u - at, brick) * CHANNELS + CHANNEL; \
+            waits_for = mark(push.round, entry, SLOT_FIRST); \
+        } \
+        waits = waits_for || waits; \
+    }
+#elif defined(SUBSTITUTE)
 #define MARK(BIT, ENTRY_FIRST, CHANNELS, CHANNEL, SLOT_FIRST)
 #elif defined(OCTREE)
 #define MARK(BIT, ENTRY_FIRST, CHANNELS, CHANNEL, SLOT_FIRST) \
@@ -73,6 +84,13 @@ layout(push_constant) uniform Push {
 // where all is there.
 bool mark_place(uint place, uint channels) {
     bool waits = false;
+#ifdef ANCESTORS
+    uint level = level_of_place(place);
+    uvec3 bricks = level_views[level].bricks;
+    uint within = place - level_views[level].first_place;
+    uint row = within / bricks.x;
+    ivec3 brick = ivec3(within % bricks.x, row % bricks.y, row / bricks.y);
+#endif
     MARK_CHANNELS
     return waits;
 }

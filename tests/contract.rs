@@ -292,7 +292,7 @@ fn shapes() -> Vec<Shape> {
 }
 
 fn octree(word_bits: u32) -> OctreeShape {
-    OctreeShape { leaf: [4; 3], word_bits }
+    OctreeShape { leaf: [4; 3], word_bits, ancestors: false }
 }
 
 /// Shapes of marching through bricks: every macro, alone and together.
@@ -340,6 +340,11 @@ fn brick_shapes() -> Vec<BrickShape> {
         BrickShape { octree: Some(octree(8)), ..plain.clone() },
         BrickShape { octree: Some(octree(32)), march: spans(plain.march.clone()), ..plain.clone() },
         BrickShape { octree: Some(octree(16)), show_states: false, ..full.clone() },
+        BrickShape {
+            octree: Some(OctreeShape { ancestors: true, ..octree(16) }),
+            show_states: false,
+            ..full.clone()
+        },
         BrickShape { march: spans(plain.march.clone()), ..plain.clone() },
         BrickShape { march: spans(full.march.clone()), ..full.clone() },
         BrickShape { ranks: RankShape { levels: 4, order: RankOrder::Papers }, ..plain.clone() },

@@ -16,6 +16,7 @@
 //          ATLASES; PAYLOAD, SLOT: voxels and texels of a brick along each axis; FILTER_SAMPLER,
 //          FILTER_FETCH or FILTER_QUADS; SKIPPING: bricks of nothing are crossed in one step;
 //          OCTREE: boxes of nothing are, and channels that show nothing in a run need no brick there;
+//          ANCESTORS: only where all coarser bricks around are there too, for a bench; exact alone;
 //          SUBSTITUTE: a ray takes a coarser level for a missing brick and does not wait;
 //          WEIGHTS: rays say how much a wish is worth, and not what they need beside it;
 //          UNMARKED: slots that a ray uses are not marked, for a bench; exact refinement alone;
@@ -127,6 +128,16 @@ uint place_of_brick(LevelPlaces places, ivec3 brick) {
     return places.first + (at.z * places.bricks.y + at.y) * places.bricks.x + at.x;
 }
 
+#ifdef ANCESTORS
+// The place of a coarser level around a brick.
+uint place_around(uint level, uint coarser, ivec3 brick) {
+    LevelPlaces places =
+        LevelPlaces(level_views[coarser].bricks, level_views[coarser].first_place);
+    uvec3 shift = level_views[coarser].halvings - level_views[level].halvings;
+    return place_of_brick(places, brick >> ivec3(shift));
+}
+#endif
+
 // `entry_first` and `channels` as in CacheRound; `channel` counts within the atlas.
 Found look_up(
     uint round, uint level, uint place, ivec3 brick, ivec3 anchor_cell, uint entry_first, uint channels,
@@ -140,6 +151,19 @@ Found look_up(
     found.shift = uvec3(0u);
 #endif
     take(found, round, entries[entry], slot_first, slots_across, brick);
+#ifdef ANCESTORS
+    // From the root down, as one goes through a tree of pointers.
+    uint state = found.state;
+    for (uint coarser = LEVELS - 1u; coarser > level; --coarser) {
+        uint value = entries[entry_first + place_around(level, coarser, brick) * channels + channel];
+        bool there = (value >> ENTRY_STATE_SHIFT) == ENTRY_MAPPED;
+        if (there) {
+            round_used[slot_first + (value & ENTRY_PAYLOAD_MASK)] = round;
+        }
+        state = min(state, (value >> ENTRY_STATE_SHIFT) <= ENTRY_EXPECTED ? ENTRY_EXPECTED : state);
+    }
+    found.state = state;
+#endif
 #ifdef SUBSTITUTE
     if (found.state == ENTRY_UNMAPPED) {
         wish(entry);

@@ -25,6 +25,8 @@ pub struct OctreeShape {
     pub leaf: [u32; 3],
     /// Bits of a leaf's word: 8, 16 or 32.
     pub word_bits: u32,
+    /// Whether a brick is sampled only where all coarser ones around it are resident: for a bench.
+    pub ancestors: bool,
 }
 
 /// What shapes the variant.
@@ -64,7 +66,13 @@ impl BrickShape {
     /// left out: a ray that often takes what stands in has few samples in all.
     pub fn turns_of_block(&self) -> u32 {
         let channels = self.places.len() as u32;
-        let boxes = if self.octree.is_some() { BLOCK_SAMPLES + RUNS * channels } else { 0 };
+        let boxes = match self.octree {
+            Some(OctreeShape { ancestors: true, .. }) => {
+                BLOCK_SAMPLES + RUNS * channels * (1 + self.ranks.levels)
+            }
+            Some(_) => BLOCK_SAMPLES + RUNS * channels,
+            None => 0,
+        };
         self.march.turns_of_block() + RUNS + boxes
     }
 
@@ -111,6 +119,9 @@ impl BrickShape {
                 .define("OCTREE", 1)
                 .define("LEAF", triple(octree.leaf))
                 .define("WORD_BITS", octree.word_bits);
+            if octree.ancestors {
+                variant = variant.define("ANCESTORS", 1);
+            }
         }
         if self.several_levels {
             variant = variant.define("SEVERAL_LEVELS", 1).define("VIEWS", self.views);

@@ -69,7 +69,7 @@ impl LeafWords {
     }
 
     pub fn shape(&self) -> OctreeShape {
-        OctreeShape { leaf: self.leaf, word_bits: self.bits }
+        OctreeShape { leaf: self.leaf, word_bits: self.bits, ancestors: false }
     }
 
     pub fn leaves(&self, known: bool) -> Leaves<'_> {

@@ -176,7 +176,10 @@ fn an_octree_gives_the_same_bytes_as_the_page_table() {
         let drawn = finished(&device, &data, &octree);
         assert_same(&drawn.picture, &page_table.picture, &format!("{scene}, {octree:?}"));
         let [with, without] = [&drawn, &page_table].map(|drawn| drawn.statistics.samples);
-        assert!(with * 3 < without * 2 || refine == Refine::Substitute, "{scene}: {with}, {without}");
+        assert!(
+            with * 3 < without * 2 || refine == Refine::Substitute,
+            "{scene}: {with}, {without}"
+        );
     }
     device.finish();
 }

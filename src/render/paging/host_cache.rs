@@ -7,7 +7,7 @@ use crate::loading::{Block, Wish};
 use crate::render::paging::brick_numbers::BrickNumbers;
 use crate::render::paging::visibility::{Judge, Shows};
 use crate::residency::Report;
-use crate::source::BrickEntry;
+use crate::source::{BrickEntry, BrickSource};
 use crate::twins::cache::entry;
 use crate::twins::limits::{
     ENTRY_ABSENT, ENTRY_CONSTANT, ENTRY_EXPECTED, ENTRY_FAILED, ENTRY_HIDDEN, ENTRY_MAPPED,
@@ -163,11 +163,13 @@ impl HostCache {
         blocks
     }
 
-    /// Learns what the source knows of a block's bricks.
+    /// Learns what the source knows of a block's bricks. With `joint` a brick is hidden only where no channel
+    /// shows anything.
     pub fn take_survey(
         &mut self,
         block: Block,
         entries: &[(BrickId, crate::error::Result<BrickEntry>)],
+        joint: Option<&dyn BrickSource>,
     ) {
         let mut travels = Vec::with_capacity(entries.len());
         for (id, of_source) in entries {
@@ -188,6 +190,7 @@ impl HostCache {
                         self.counts.absent += 1;
                         Some(entry(ENTRY_ABSENT, 0))
                     }
+                    Shows::Hidden if joint.is_some_and(|of| self.any_shows(of, *id)) => None,
                     Shows::Hidden => {
                         self.counts.hidden += 1;
                         Some(entry(ENTRY_HIDDEN, 0))
@@ -205,6 +208,15 @@ impl HostCache {
         if self.surveyed.insert(block, travels).is_some_and(|known| known.is_empty()) {
             self.surveys_pending -= 1;
         }
+    }
+
+    /// Whether some channel shows something of its brick in the same place.
+    fn any_shows(&self, source: &dyn BrickSource, id: BrickId) -> bool {
+        self.judges.iter().any(|(channel, judge)| {
+            let entry = source.entry(BrickId { channel: *channel, ..id });
+            let shows = entry.map(|entry| judge.shows(&entry));
+            !matches!(shows, Ok(Shows::Hidden | Shows::Absent))
+        })
     }
 
     fn constant(&mut self, texel: [f32; 4]) -> Option<u32> {

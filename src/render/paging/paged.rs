@@ -14,12 +14,12 @@ use crate::render::paging::host_cache::HostCache;
 use crate::render::paging::leaf_words::{LeafChannel, LeafWords};
 use crate::render::paging::placing::{Placing, slots_by_atlas};
 use crate::render::paging::plan::PagingPlan;
-use crate::render::paging::settings::CopyPath;
+use crate::render::paging::settings::{CopyPath, Traversal};
 use crate::render::plan::Plan;
 use crate::render::scene_data::SceneData;
 use crate::render::statistics::Statistics;
 use crate::residency::Residency;
-use crate::source::Description;
+use crate::source::{BrickSource, Description};
 use crate::trace::Trace;
 use crate::twins::octree_ranges::Coding;
 use crate::twins::place::Placement;
@@ -34,6 +34,8 @@ pub struct Paged {
     pub staging: Staging,
     pub loading: Loading,
     pub host: HostCache,
+    /// Where bricks are left out only if they show nothing of any channel: who tells of the others.
+    pub joint: Option<Arc<dyn BrickSource>>,
     /// What is known of leaves, and the device's copy, where rays use an octree.
     pub octree: Option<(LeafWords, OctreeBuffers)>,
     pub description: Description,
@@ -168,6 +170,8 @@ impl Paged {
                 )?),
             },
             loading,
+            joint: (whole.settings.paging.traversal == Traversal::PageTableOfPaper)
+                .then(|| data.volumes[0].source.clone()),
             octree,
             residency,
             staging,

@@ -25,6 +25,7 @@ use crate::render::transfer_segments::{open_both_ends, transfer_segments};
 use crate::residency::{AtlasLayout, AtlasPlan, ResidencyShape};
 use crate::scene::{Filter, Integrator, Quality, Refine};
 use crate::source::{ChannelDescription, Description};
+use crate::twins::limits::RANK_NONE;
 use crate::twins::octree::{CHANNELS_MAX, LevelLeaves, bits_of_word};
 use crate::twins::octree_ranges::Coding;
 use crate::twins::octree_shape::{Shape as Octree, Wanted};
@@ -143,6 +144,16 @@ impl PagingPlan {
             })
             .collect();
         let substitute = scene.quality.refine == Refine::Substitute;
+        if settings.paging.traversal == Traversal::Octree {
+            if substitute {
+                return Err(volume.place.error("traversal octree, which is here to compare with, only refines exactly: set refine = \"exact\" or traversal residency-octree".to_owned()));
+            }
+            // Coarser bricks are wanted before finer ones. All have to fit: ranks protect none of them.
+            let levels = views.iter_mut().flat_map(|view| &mut view.levels);
+            levels
+                .filter(|level| level.rank_first == RANK_NONE)
+                .for_each(|level| level.rank_first = 0);
+        }
         let held = if substitute { floor(description, &atlases.plans) } else { 0..0 };
         for level in held.clone() {
             views.iter_mut().for_each(|view| view.levels[usize::from(level)].held = 1);
@@ -178,6 +189,7 @@ impl PagingPlan {
         let octree_shape = |octree: &Arc<Octree>| OctreeShape {
             leaf: octree.leaf,
             word_bits: bits_of_word(volume.channels.len() as u32),
+            ancestors: settings.paging.traversal == Traversal::Octree,
         };
         let bricks = BrickShape {
             march: Shape {
@@ -301,13 +313,16 @@ fn octree(
 ) -> Option<Arc<Octree>> {
     let PagingSettings { traversal, leaf, fan_out, show_states, .. } = settings.paging;
     // A box that is crossed does not tell what is absent from what is hidden.
-    let used = traversal == Traversal::ResidencyOctree && settings.skipping && !show_states;
+    let octree = matches!(traversal, Traversal::ResidencyOctree | Traversal::Octree);
+    let used = octree && settings.skipping && !show_states;
     if !used || formats.len() > CHANNELS_MAX as usize {
         return None;
     }
     // Ranges of all channels, the word of a node and of most leaves.
     let words: usize = formats.iter().map(|format| Coding::of(*format).words()).sum();
     let nodes_max = ram_bytes / OCTREE_SHARE / (4 * (words as u64 + 2));
+    // Nodes that have a brick each are no smaller than one.
+    let leaf = if traversal == Traversal::Octree { description.payload.to_array() } else { leaf };
     let wanted = Wanted { leaf, fan_out, nodes_max };
     Octree::new(&description.levels, description.payload, &wanted).map(Arc::new)
 }

@@ -344,7 +344,8 @@ impl Rounds<'_, '_> {
         self.paged.learn(&delivery);
         match delivery {
             Delivery::Surveyed { block, entries } => {
-                self.paged.host.take_survey(block, &entries);
+                let joint = self.paged.joint.clone();
+                self.paged.host.take_survey(block, &entries, joint.as_deref());
             }
             Delivery::Failed { id, why } => self.paged.host.failed(id, why),
             Delivery::Brick { id, bytes, .. } => {
