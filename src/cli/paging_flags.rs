@@ -15,7 +15,7 @@ pub struct PagingFlags {
     #[arg(long, default_value = "auto", value_parser = addressing, help_heading = "Paging")]
     addressing: Addressing,
     /// How rays cross what shows nothing: page-table (brick by brick), residency-octree (box by box, down to
-    /// --leaf). To compare with: page-table-of-paper (a brick is left out where no channel shows anything),
+    /// --leaf), auto (whichever marches a view's frames faster here). To compare with: page-table-of-paper (a brick is left out where no channel shows anything),
     /// octree (a brick is sampled where all coarser ones are there too; all have to fit).
     #[arg(long, default_value = "page-table", value_parser = traversal, help_heading = "Paging")]
     traversal: Traversal,
@@ -93,13 +93,14 @@ fn addressing(text: &str) -> Result<Addressing, String> {
 
 fn traversal(text: &str) -> Result<Traversal, String> {
     let all = [
+        Traversal::Auto,
         Traversal::PageTable,
         Traversal::PageTableOfPaper,
         Traversal::Octree,
         Traversal::ResidencyOctree,
     ];
     all.into_iter().find(|traversal| traversal.name() == text).ok_or_else(|| {
-        "expected page-table, residency-octree, page-table-of-paper or octree".to_owned()
+        "expected auto, page-table, residency-octree, page-table-of-paper or octree".to_owned()
     })
 }
 

@@ -303,8 +303,7 @@ impl Plan {
         let scene = &data.scene;
         let paging = PagingPlan::new(gpu, data, settings, meter)?;
         let samples_of_ray_max = checked_samples(paging.samples_of_ray_max())?;
-        let dispatches =
-            dispatches_of(samples_of_ray_max, settings, paging.bricks.turns_of_block());
+        let dispatches = dispatches_of(samples_of_ray_max, settings, paging.turns_of_block());
         let (picture, tile, tiles) = tiles_of(scene.picture.size, settings);
         let specs = paging.buffers(u64::from(tile[0]) * u64::from(tile[1]));
         let buffers = planned_buffers(gpu, specs);
@@ -416,7 +415,7 @@ impl Plan {
     pub(super) fn blocks_per_dispatch(&self) -> u32 {
         let needed = self.samples_of_ray_max.div_ceil(u64::from(BLOCK_SAMPLES));
         let turns = match &self.paging {
-            Some(paging) => paging.bricks.turns_of_block(),
+            Some(paging) => paging.turns_of_block(),
             None => self.shape.turns_of_block(),
         };
         blocks_per_dispatch(&self.settings, turns).min(needed as u32)

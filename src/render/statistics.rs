@@ -120,6 +120,11 @@ impl Statistics {
         }
     }
 
+    /// Milliseconds on the device in one pass.
+    pub fn gpu_ms_of(&self, pass: &str) -> f64 {
+        self.gpu_ms.iter().filter(|time| time.pass == pass).map(|time| time.ms).sum()
+    }
+
     /// Milliseconds on the device over all passes.
     pub fn gpu_ms_total(&self) -> f64 {
         self.gpu_ms.iter().map(|time| time.ms).sum()

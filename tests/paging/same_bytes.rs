@@ -184,6 +184,39 @@ fn an_octree_gives_the_same_bytes_as_the_page_table() {
     device.finish();
 }
 
+/// With those of the paper's comparison, and where frame by frame either may draw.
+#[test]
+fn every_traversal_gives_the_same_bytes() {
+    let Some(mut data) = load("scenes/dna_2_channels.toml", 160) else { return };
+    let Some(device) = Device::open() else { return };
+    data.scene.memory.atlas_mib = 256;
+    let needed = |traversal: Traversal, frames: u32, first: Option<&Drawn>| -> Drawn {
+        let settings = paged(|paging| paging.traversal = traversal);
+        let mut renderer = device.renderer(&data, &settings);
+        let mut last = None;
+        for frame in 0..frames {
+            let (picture, statistics) = renderer.draw(0, &mut |_| {}).expect("a picture");
+            assert!(statistics.converged, "{traversal:?}");
+            if let Some(first) = first {
+                assert_same(&picture, &first.picture, &format!("{traversal:?}, frame {frame}"));
+            }
+            last = Some(Drawn { picture, statistics, records: Vec::new() });
+        }
+        last.expect("a frame")
+    };
+    let ours = needed(Traversal::PageTable, 1, None);
+    let of = |traversal, frames| needed(traversal, frames, Some(&ours)).statistics.bricks_needed;
+    let by_octree = of(Traversal::ResidencyOctree, 2);
+    let [of_paper, with_ancestors] =
+        [Traversal::PageTableOfPaper, Traversal::Octree].map(|traversal| of(traversal, 1));
+    let needed_by_either = of(Traversal::Auto, 6);
+    let ours = ours.statistics.bricks_needed;
+    println!("{by_octree} {ours} {of_paper} {with_ancestors} {needed_by_either}");
+    assert!(by_octree <= ours && ours < of_paper && ours < with_ancestors);
+    assert!((by_octree..=ours).contains(&needed_by_either));
+    device.finish();
+}
+
 #[test]
 fn the_sampler_changes_little_between_atlases() {
     for scene in ["scenes/bonsai.toml", "scenes/stent.toml"] {

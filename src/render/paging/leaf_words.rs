@@ -20,7 +20,7 @@ use crate::error::Result;
 use crate::loading::{Block, Inspect};
 use crate::render::paging::visibility::Judge;
 use crate::source::BrickEntry;
-use crate::twins::octree::{Nodes, bits_of_word, packed};
+use crate::twins::octree::{Nodes, SHOWS, bits_of_word, packed};
 use crate::twins::octree_ranges::{
     Coding, Ranges, Work, leaf_ranges, not_one_value, update_some_ranges,
 };
@@ -30,6 +30,8 @@ use crate::volume::{BrickGrid, BrickId, Size3, ValueRange, VoxelFormat, Voxels, 
 
 /// Spans of the device's buffer no farther apart become one: a copy command costs more than these bytes.
 const GAP_BYTES_MAX: u64 = 256;
+/// Leaves that are looked at to say how much is hidden.
+const SAMPLED_LEAVES: usize = 1 << 14;
 
 /// A channel that the scene shows.
 #[derive(Clone, Debug)]
@@ -223,6 +225,18 @@ impl LeafWords {
             .collect();
         self.work.bytes_changed += spans.iter().map(|(_, bytes)| bytes.len() as u64).sum::<u64>();
         spans
+    }
+
+    /// The part of the finest level's leaves that show nothing, by a sample of them.
+    pub fn hidden_share(&self) -> f64 {
+        let Some(tree) = self.shape.trees.first() else { return 0.0 };
+        let leaves = Nodes::all(self.shape.lowest(tree)).count() as usize;
+        let words = &self.words.of_leaf[tree.first_word as usize..][..leaves];
+        // An odd stride meets every place within a brick.
+        let stride = (leaves / SAMPLED_LEAVES) | 1;
+        let sampled = || words.iter().step_by(stride);
+        let hidden = sampled().filter(|word| **word & SHOWS == 0).count();
+        hidden as f64 / sampled().count().max(1) as f64
     }
 
     fn device_bytes(&self, words: &[u32]) -> Vec<u8> {

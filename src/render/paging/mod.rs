@@ -16,6 +16,7 @@ mod plan;
 mod round;
 mod rounds;
 mod settings;
+mod traversal_choice;
 mod view_levels;
 mod visibility;
 

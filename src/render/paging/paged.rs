@@ -9,12 +9,14 @@ use crate::gpu::{
 };
 use crate::loading::{Delivery, Loading, LoadingLimits};
 use crate::passes::march_bricks::{OctreeBuffers, RayBuffers};
+use crate::render::frame::Tile;
 use crate::render::paging::brick_texels::write_texels;
 use crate::render::paging::host_cache::HostCache;
 use crate::render::paging::leaf_words::{LeafChannel, LeafWords};
 use crate::render::paging::placing::{Placing, slots_by_atlas};
 use crate::render::paging::plan::PagingPlan;
 use crate::render::paging::settings::{CopyPath, Traversal};
+use crate::render::paging::traversal_choice::{TraversalChoice, Way};
 use crate::render::plan::Plan;
 use crate::render::scene_data::SceneData;
 use crate::render::statistics::Statistics;
@@ -41,6 +43,8 @@ pub struct Paged {
     pub description: Description,
     pub set_up: Arc<ComputePipeline>,
     pub march: Arc<ComputePipeline>,
+    /// The march with the octree, and who chooses, where either may draw.
+    pub other_march: Option<(Arc<ComputePipeline>, TraversalChoice)>,
     pub resolve: Arc<ComputePipeline>,
     /// The copy of the first usage order, until the first round has waited for it.
     pub first_copies: Vec<TimePoint>,
@@ -160,13 +164,19 @@ impl Paged {
             set_up: pipeline(1)?,
             march: pipeline(2)?,
             resolve: pipeline(8)?,
+            other_march: match plan.other_bricks {
+                Some(_) => Some((pipeline(9)?, TraversalChoice::default())),
+                None => None,
+            },
             placing: match plan.copy_path {
                 CopyPath::Straight => None,
                 CopyPath::Placed => Some(Placing::new(
                     gpu,
                     &whole.buffer("upload").spec,
                     &whole.buffer("placements").spec,
-                    (9..shaders.len()).map(pipeline).collect::<Result<_>>()?,
+                    (9 + usize::from(plan.other_bricks.is_some())..shaders.len())
+                        .map(pipeline)
+                        .collect::<Result<_>>()?,
                 )?),
             },
             loading,
@@ -309,10 +319,29 @@ impl Paged {
     /// Exit code 4 when the device is lost.
     pub fn tell_leaves(&mut self) -> Result<()> {
         let Some((words, buffers)) = &mut self.octree else { return Ok(()) };
-        for (offset, bytes) in words.changed() {
-            buffers.leaf_words.write(offset, &bytes)?;
+        let changed = words.changed();
+        for (offset, bytes) in &changed {
+            buffers.leaf_words.write(*offset, bytes)?;
+        }
+        if let Some((_, choice)) = self.other_march.as_mut().filter(|_| !changed.is_empty()) {
+            choice.leaves_changed(words.hidden_share());
         }
         Ok(())
+    }
+
+    /// What draws a view's next round, where either may.
+    pub fn way(&self, view: u32) -> Option<Way> {
+        self.other_march.as_ref().map(|(_, choice)| choice.way(view))
+    }
+
+    /// What a tile's marching took on the device; `one_round`: all that it needed was there.
+    pub fn tell_marched(&mut self, tile: Tile, ms: f64, one_round: bool) {
+        let way = self.way(tile.view);
+        // One tile stands for its view. Without timestamps there is nothing to compare.
+        let stands = one_round && tile.origin_pixel == [0; 2] && ms > 0.0;
+        if let (Some((_, choice)), Some(way), true) = (&mut self.other_march, way, stands) {
+            choice.timed(tile.view, way, ms);
+        }
     }
 
     /// Adds what the view cost to its statistics.

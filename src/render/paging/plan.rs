@@ -67,6 +67,8 @@ pub struct PagingPlan {
     pub octree: Option<Arc<Octree>>,
     /// Of march_bricks.
     pub bricks: BrickShape,
+    /// The same with the octree, where either may draw.
+    pub other_bricks: Option<BrickShape>,
     /// Bricks that are loaded first and never given up; substitute refinement alone.
     pub held: Vec<BrickId>,
     /// How voxels come into a slot.
@@ -212,6 +214,9 @@ impl PagingPlan {
             payload: description.payload.to_array(),
             slot,
         };
+        let either = settings.paging.traversal == Traversal::Auto && octree.is_some();
+        let other_bricks = either.then(|| bricks.clone());
+        let bricks = BrickShape { octree: bricks.octree.filter(|_| !either), ..bricks };
         let texels: u64 = slot.iter().map(|edge| u64::from(*edge)).product();
         let texel = texel_layouts.iter().map(|layout| layout.format.bytes()).max().unwrap_or(1);
         let brick_bytes = (texels * texel).next_multiple_of(16);
@@ -230,6 +235,7 @@ impl PagingPlan {
             residency,
             octree,
             bricks,
+            other_bricks,
             held,
             copy_path,
             staging_half_bytes: half.clamp(brick_bytes, all_slots.max(brick_bytes)),
@@ -281,6 +287,12 @@ impl PagingPlan {
         specs
     }
 
+    /// Turns of all loops of march_bricks over one block of samples, at most.
+    pub fn turns_of_block(&self) -> u32 {
+        let shapes = [&self.bricks].into_iter().chain(&self.other_bricks);
+        shapes.map(BrickShape::turns_of_block).max().unwrap_or(1)
+    }
+
     /// Every pass, in the order of a round, and how often a round dispatches it.
     pub fn variants(&self, march_dispatches: u32) -> Vec<(Variant, u32)> {
         let [publish, manage @ ..] = self.residency.variants();
@@ -296,6 +308,7 @@ impl PagingPlan {
         ];
         variants.extend(manage.map(|variant| (variant, atlases)));
         variants.push((resolve, 1));
+        variants.extend(self.other_bricks.iter().map(|of| (of.variant(), march_dispatches)));
         if self.copy_path == CopyPath::Placed {
             let formats = self.residency.atlases.iter().map(|atlas| atlas.layout.spec.format);
             variants.extend(formats.map(|format| (place::variant(format), 1)));
@@ -313,7 +326,8 @@ fn octree(
 ) -> Option<Arc<Octree>> {
     let PagingSettings { traversal, leaf, fan_out, show_states, .. } = settings.paging;
     // A box that is crossed does not tell what is absent from what is hidden.
-    let octree = matches!(traversal, Traversal::ResidencyOctree | Traversal::Octree);
+    let octree =
+        matches!(traversal, Traversal::Auto | Traversal::ResidencyOctree | Traversal::Octree);
     let used = octree && settings.skipping && !show_states;
     if !used || formats.len() > CHANNELS_MAX as usize {
         return None;

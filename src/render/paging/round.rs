@@ -5,6 +5,7 @@ use crate::gpu::{Record, SlotEvent, Submitted, TimePoint};
 use crate::passes::{march_bricks, rays};
 use crate::render::frame::Tile;
 use crate::render::paging::paged::Paged;
+use crate::render::paging::traversal_choice::Way;
 use crate::render::plan::DISPATCHES_PER_SUBMIT;
 use crate::render::renderer::Renderer;
 use crate::residency::Allowance;
@@ -57,6 +58,10 @@ impl Renderer {
             paged.readable.extend(&published);
         }
         let dispatches = self.plan.march_dispatches();
+        let march = match (paged.way(round.tile.view), &paged.other_march) {
+            (Some(Way::Octree), Some((march, _))) => march.clone(),
+            _ => paged.march.clone(),
+        };
         let mut point = None;
         for first in (0..dispatches).step_by(DISPATCHES_PER_SUBMIT as usize) {
             let last = dispatches.min(first + DISPATCHES_PER_SUBMIT);
@@ -104,14 +109,7 @@ impl Renderer {
                     ..push
                 };
                 let cache = paged.residency.buffers();
-                march_bricks::record(
-                    &mut recorder,
-                    &paged.march,
-                    cache,
-                    &paged.rays,
-                    &resources,
-                    &push,
-                );
+                march_bricks::record(&mut recorder, &march, cache, &paged.rays, &resources, &push);
             }
             if last == dispatches {
                 paged.residency.manage(&mut recorder, round.allowances);

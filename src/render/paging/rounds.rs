@@ -50,7 +50,12 @@ pub fn draw(
         asked: Instant::now(),
         progressed: Instant::now(),
     };
+    let marched_before = rounds.statistics.gpu_ms_of("march_bricks");
+    let rounds_before = rounds.statistics.rounds;
     rounds.turn(progress)?;
+    let marched_ms = rounds.statistics.gpu_ms_of("march_bricks") - marched_before;
+    let one_round = rounds.statistics.rounds - rounds_before == 1;
+    rounds.paged.tell_marched(tile, marched_ms, one_round);
     let _span = renderer.span("resolve");
     let submitted = renderer.submit_resolve(rounds.paged, tile)?;
     rounds.ended(submitted)

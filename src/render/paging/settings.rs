@@ -34,6 +34,8 @@ pub enum LoadOrder {
 /// How rays cross what shows nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Traversal {
+    /// By the residency octree or the page table, whichever marches a view's frames faster here.
+    Auto,
     /// Brick by brick, as the page table's entries say; a channel needs no brick that shows nothing of it.
     PageTable,
     /// The same as residency-octree-2023 compares with: only a brick that shows nothing of any channel is
@@ -51,6 +53,7 @@ impl Traversal {
     /// The word used in plans and flags.
     pub const fn name(self) -> &'static str {
         match self {
+            Traversal::Auto => "auto",
             Traversal::PageTable => "page-table",
             Traversal::PageTableOfPaper => "page-table-of-paper",
             Traversal::Octree => "octree",
