@@ -1,6 +1,7 @@
 //! `ashfall bench`: prices, as ratios within one run.
 
 mod features;
+mod octree;
 mod overhead;
 mod paging;
 mod sample;
@@ -20,6 +21,7 @@ pub struct Arguments {
 
 #[derive(Subcommand)]
 enum Bench {
+    Octree(octree::Arguments),
     Overhead(overhead::Arguments),
     Upload(upload::Arguments),
     Paging(paging::Arguments),
@@ -31,6 +33,7 @@ enum Bench {
 /// Runs one bench.
 pub fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.bench {
+        Bench::Octree(arguments) => octree::run(arguments),
         Bench::Overhead(arguments) => overhead::run(arguments),
         Bench::Upload(arguments) => upload::run(arguments),
         Bench::Paging(arguments) => paging::run(arguments),
