@@ -21,8 +21,8 @@ pub struct Arguments {
 
 #[derive(Subcommand)]
 enum Bench {
-    Octree(octree::Arguments),
     Overhead(overhead::Arguments),
+    Octree(octree::Arguments),
     Upload(upload::Arguments),
     Paging(paging::Arguments),
     Sample(sample::Arguments),
@@ -33,8 +33,8 @@ enum Bench {
 /// Runs one bench.
 pub fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.bench {
-        Bench::Octree(arguments) => octree::run(arguments),
         Bench::Overhead(arguments) => overhead::run(arguments),
+        Bench::Octree(arguments) => octree::run(arguments),
         Bench::Upload(arguments) => upload::run(arguments),
         Bench::Paging(arguments) => paging::run(arguments),
         Bench::Sample(arguments) => sample::run(arguments),

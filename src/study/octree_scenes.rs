@@ -199,7 +199,7 @@ impl Case {
                 let mut volumes = Vec::new();
                 for (name, data) in loaded {
                     match data {
-                        Err(_) if !volumes.is_empty() => {}
+                        Err(_) if volumes.len() == 2 => {}
                         data => volumes.push((data?, name)),
                     }
                 }
