@@ -60,17 +60,18 @@ pub struct Arguments {
     /// Draw these scenes alone; none: none, for --figure.
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = only)]
     only: Vec<Only>,
-    /// Also measure leaves of 4 to 32 voxels against 1 to 16 channels (figure 10 of the paper), in three
+    /// Also measure leaves of 4 to 32 voxels against --channels (figure 10 of the paper), in three
     /// views of files-x16 or computed-x16; octree_leaves.csv and octree_leaves.svg go into this folder, which
     /// is made.
     #[arg(long, value_name = "FOLDER")]
     figure: Option<PathBuf>,
+    /// Counts of channels of the figure, at most 16 each.
+    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "1,2,4,8,16",
+          value_parser = clap::value_parser!(u8).range(1..=16))]
+    channels: Vec<u8>,
     #[command(flatten)]
     measuring: MeasuringFlags,
 }
-
-/// Channels of the figure.
-const CHANNELS: [usize; 5] = [1, 2, 4, 8, 16];
 
 /// A scene's name; nothing: none.
 #[derive(Clone, Copy)]
@@ -84,11 +85,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let of_files = arguments.scenes.is_some();
     let of_figure = if of_files { "files-x16" } else { "computed-x16" };
     let leaves_of = CASES.into_iter().find(|case| case.name == of_figure);
+    let channels: Vec<usize> = arguments.channels.iter().map(|count| usize::from(*count)).collect();
     let effort = Effort {
         extent: Extent { edge, payload, size, views },
         repeats,
         cases: cases(arguments)?,
-        leaves_of: leaves_of.filter(|_| figure.is_some()).map(|case| (case, &CHANNELS[..])),
+        leaves_of: leaves_of.filter(|_| figure.is_some()).map(|case| (case, &channels[..])),
     };
     let overrides = Overrides { size: Some(size), ..Overrides::default() };
     let folder = arguments.scenes.clone().unwrap_or_default();
