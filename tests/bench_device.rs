@@ -1,5 +1,5 @@
-//! `ashfall bench overhead`, `upload`, `paging` and `features` run small here, so that they cannot rot. What they
-//! count is held to; what they time is not.
+//! `ashfall bench overhead`, `octree`, `upload`, `paging` and `features` run small here, so that they cannot
+//! rot. What they count is held to; what they time is not.
 
 mod folder;
 mod random;
@@ -57,6 +57,84 @@ fn overhead_compares_equal_pictures_without_loading() {
             _ => assert!(paged < direct, "hidden bricks are crossed: {case}"),
         }
     }
+}
+
+#[test]
+fn octree_compares_traversals_of_equal_pictures() {
+    let folder = Folder::in_memory();
+    let output = folder.as_ref().to_str().unwrap();
+    let small = ["--edge", "64", "--payload", "16", "--size", "24x24"];
+    let turns = ["--views", "2", "--repeats", "1", "--only", "computed-x4,sparse,dense"];
+    let figure = ["--figure", output, "--channels", "1,2"];
+    let table = figures(&[&["octree"], &small[..], &turns, &figure].concat());
+    let cases = table["cases"].as_array().unwrap();
+    let names: Vec<_> = cases.iter().map(|case| case["case"].as_str().unwrap()).collect();
+    assert_eq!(names, ["computed-x4", "sparse", "dense"]);
+    for case in cases {
+        let rows = case["rows"].as_array().unwrap();
+        let words = ["page-table-of-paper", "page-table", "octree", "residency-octree"];
+        let traversals: Vec<_> =
+            rows.iter().map(|row| row["traversal"].as_str().unwrap()).collect();
+        assert_eq!(traversals, words, "{case}");
+        let number = |row: usize, key: &str| rows[row][key].as_f64().unwrap();
+        for row in rows {
+            let psnr = &row["psnr_db"];
+            assert!(psnr.is_null() || psnr.as_f64().unwrap() >= 60.0, "{row}");
+            for key in ["ms", "over_page_table_of_paper", "over_page_table", "march_ms"] {
+                assert!(is_spread(&row[key]), "{key} of {row}");
+            }
+            assert!(row["bricks_needed"].as_f64().unwrap() > 0.0, "{row}");
+        }
+        assert_eq!(number(0, "bricks_ratio"), 1.0, "over itself");
+        assert!(number(3, "bricks_needed") <= number(1, "bricks_needed"), "{case}");
+        assert!(number(3, "samples") <= number(1, "samples"), "{case}");
+        assert!(number(1, "samples") <= number(0, "samples"), "{case}");
+        assert!(number(3, "octree_bytes") > 0.0 && number(1, "octree_bytes") == 0.0, "{case}");
+    }
+    assert_eq!(cases[2]["rows"][3]["time_goal"], 1.03);
+    assert!(cases[1]["rows"][3]["time_goal"].is_null(), "a goal of 1024 voxels");
+    let leaves = table["leaves"]["rows"].as_array().unwrap();
+    assert_eq!(leaves.len(), 10, "five leaf sizes, two counts of channels");
+    let csv = std::fs::read_to_string(folder.path("octree_leaves.csv")).unwrap();
+    assert_eq!(csv.lines().count(), 1 + leaves.len());
+    assert!(csv.starts_with("channels,leaf,ms,") && csv.contains("\n2,8x8x4,"), "{csv}");
+    let svg = std::fs::read_to_string(folder.path("octree_leaves.svg")).unwrap();
+    for words in ["<svg", "</svg>", "leaf 8x8x4", "page-table-of-paper", "fan-out 4"] {
+        assert!(svg.contains(words), "{words}");
+    }
+}
+
+/// Two windows of one volume, and what a missing file says.
+#[test]
+fn octree_draws_scene_files_by_name() {
+    let folder = Folder::in_memory();
+    let scene = r#"format = 1
+[[volume]]
+name = "bonsai"
+source = { computed = "shells", size = [32, 32, 32] }
+[[volume.channel]]
+window = [0.0, 255.0]
+transfer = [{ at = 0.3, color = [0.5, 0.5, 0.5], extinction = 0.0 }, { at = 1.0, color = [1.0, 1.0, 1.0], extinction = 0.5 }]
+[[view]]
+name = "front"
+eye = [16.0, 20.0, 80.0]
+target = [16.0, 16.0, 16.0]
+up = [0.0, 1.0, 0.0]
+fov_degrees = 36.0
+"#;
+    std::fs::write(folder.path("bonsai.toml"), scene).unwrap();
+    let scenes = folder.as_ref().to_str().unwrap();
+    let small = ["--payload", "8", "--size", "16x16", "--views", "2", "--repeats", "1"];
+    let only = ["--scenes", scenes, "--only", "bonsai,bonsai-x4"];
+    let table = figures(&[&["octree"], &small[..], &only].concat());
+    let cases = table["cases"].as_array().unwrap();
+    assert_eq!(cases.len(), 2);
+    let channels: Vec<_> = cases.iter().map(|case| case["channels"].as_u64().unwrap()).collect();
+    assert_eq!(channels, [1, 4]);
+    assert_eq!(cases[1]["rows"][3]["bricks_goal"], 0.27);
+    assert!(table["leaves"].is_null());
+    let missing = bench(&["octree", "--scenes", scenes, "--only", "dna"]);
+    assert_eq!(missing.status.code(), Some(3));
 }
 
 #[test]
@@ -189,6 +267,10 @@ fn wrong_words_are_wrong_arguments() {
     for arguments in [
         &["overhead", "--edge", "4"][..],
         &["overhead", "--size", "large"],
+        &["octree", "--only", "any"],
+        &["octree", "--only", "bonsai"],
+        &["octree", "--views", "0"],
+        &["octree", "--channels", "17"],
         &["upload", "--payload", "0"],
         &["paging", "--slots", "some"],
         &["paging", "--slots", "0"],

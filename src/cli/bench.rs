@@ -1,6 +1,7 @@
 //! `ashfall bench`: prices, as ratios within one run.
 
 mod features;
+mod octree;
 mod overhead;
 mod paging;
 mod sample;
@@ -21,6 +22,7 @@ pub struct Arguments {
 #[derive(Subcommand)]
 enum Bench {
     Overhead(overhead::Arguments),
+    Octree(octree::Arguments),
     Upload(upload::Arguments),
     Paging(paging::Arguments),
     Sample(sample::Arguments),
@@ -32,6 +34,7 @@ enum Bench {
 pub fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.bench {
         Bench::Overhead(arguments) => overhead::run(arguments),
+        Bench::Octree(arguments) => octree::run(arguments),
         Bench::Upload(arguments) => upload::run(arguments),
         Bench::Paging(arguments) => paging::run(arguments),
         Bench::Sample(arguments) => sample::run(arguments),

@@ -11,6 +11,8 @@ use crate::study::repeated::Timer;
 /// One scene, drawn again and again.
 pub struct ResidentScene {
     renderer: Renderer,
+    /// Views that are drawn, from the first on.
+    views: usize,
     /// Of the frame that brought everything to the device.
     pub first: Statistics,
     frames: Vec<Frame>,
@@ -20,6 +22,16 @@ pub struct ResidentScene {
 struct Frame {
     ms: f64,
     statistics: Statistics,
+}
+
+/// A frame that counts, as it was just drawn.
+pub struct Drawn {
+    /// Which of the scenes.
+    pub scene: usize,
+    /// Which view.
+    pub view: usize,
+    /// What it shows.
+    pub picture: Picture,
 }
 
 impl ResidentScene {
@@ -38,13 +50,37 @@ impl ResidentScene {
         let mut renderer = Renderer::new(gpu, plan, data)?;
         let (picture, first) = renderer.draw(0, &mut |_| {})?;
         match first.converged {
-            true => Ok((ResidentScene { renderer, first, frames: Vec::new() }, picture)),
+            true => Ok((ResidentScene { renderer, views: 1, first, frames: Vec::new() }, picture)),
             false => Err(not_resident()),
         }
     }
 
-    fn draw(&mut self, timer: Timer) -> Result<Frame> {
-        let ((_, statistics), took) = timer.time(|| self.renderer.draw(0, &mut |_| {}))?;
+    /// As [`ResidentScene::new`], of all views of the scene; `step` is told each that is drawn.
+    ///
+    /// # Errors
+    /// As [`ResidentScene::new`].
+    pub fn of_all_views(
+        gpu: &Arc<Gpu>,
+        compiler: &ShaderCompiler,
+        data: &SceneData,
+        settings: &Settings,
+        step: &mut dyn FnMut(),
+    ) -> Result<ResidentScene> {
+        let (mut scene, _) = ResidentScene::new(gpu, compiler, data, settings)?;
+        step();
+        scene.views = data.scene.views.len();
+        for view in 1..scene.views {
+            let (_, statistics) = scene.renderer.draw(view, &mut |_| {})?;
+            if !statistics.converged {
+                return Err(not_resident());
+            }
+            step();
+        }
+        Ok(scene)
+    }
+
+    fn draw(&mut self, view: usize, timer: Timer) -> Result<(Frame, Picture)> {
+        let ((picture, statistics), took) = timer.time(|| self.renderer.draw(view, &mut |_| {}))?;
         if statistics.bricks_uploaded > 0 {
             return Err(not_resident());
         }
@@ -52,7 +88,7 @@ impl ResidentScene {
             true => took.ms,
             false => device_ms(&statistics, |pass| pass != "upload"),
         };
-        Ok(Frame { ms, statistics })
+        Ok((Frame { ms, statistics }, picture))
     }
 
     /// What was built.
@@ -75,13 +111,19 @@ impl ResidentScene {
         self.frames.iter().map(|frame| frame.statistics.bricks_uploaded).sum()
     }
 
+    /// What the statistics of its frames say, in the mean.
+    pub fn mean(&self, figure: impl Fn(&Statistics) -> u64) -> f64 {
+        let sum: u64 = self.frames.iter().map(|frame| figure(&frame.statistics)).sum();
+        sum as f64 / self.frames.len() as f64
+    }
+
     /// Samples of the last frame.
     pub fn samples(&self) -> u64 {
         self.frames.last().map_or(0, |frame| frame.statistics.samples)
     }
 }
 
-/// Draws each once to warm up, then all in turns; `step` is told every frame.
+/// Draws the first view of each once to warm up, then of all in turns; `step` is told every frame.
 ///
 /// # Errors
 /// Exit code 4 when a brick had to come again, or the device is lost.
@@ -93,11 +135,35 @@ pub fn draw_in_turns(
 ) -> Result<()> {
     for turn in 0..=repeats {
         for scene in &mut *scenes {
-            let frame = scene.draw(timer)?;
+            let (frame, _) = scene.draw(0, timer)?;
             if turn > 0 {
                 scene.frames.push(frame);
             }
             step();
+        }
+    }
+    Ok(())
+}
+
+/// Draws all views of scenes that have as many, `turns` times: each view of all scenes before the next
+/// view. Each has been drawn before, so that none warms up. `seen` is told every frame.
+///
+/// # Errors
+/// As [`draw_in_turns`], and those of `seen`.
+pub fn draw_views_in_turns(
+    scenes: &mut [ResidentScene],
+    timer: Timer,
+    turns: u32,
+    mut seen: impl FnMut(Drawn) -> Result<()>,
+) -> Result<()> {
+    let views = scenes.iter().map(|scene| scene.views).min().unwrap_or(0);
+    for _ in 0..turns {
+        for view in 0..views {
+            for (number, scene) in scenes.iter_mut().enumerate() {
+                let (frame, picture) = scene.draw(view, timer)?;
+                scene.frames.push(frame);
+                seen(Drawn { scene: number, view, picture })?;
+            }
         }
     }
     Ok(())
