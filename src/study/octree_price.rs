@@ -25,12 +25,15 @@ use crate::study::resident_frames::{Drawn, ResidentScene, draw_views_in_turns};
 /// Below this two pictures do not show the same.
 pub const PSNR_DB_MIN: f64 = 60.0;
 /// All that are compared. Ratios are over the first, and over the second.
-pub const TRAVERSALS: [Traversal; 4] = [
+pub const TRAVERSALS: [Traversal; 5] = [
     Traversal::PageTableOfPaper,
     Traversal::PageTable,
     Traversal::Octree,
     Traversal::ResidencyOctree,
+    Traversal::Auto,
 ];
+/// Turns after which the automatic choice has timed both of its ways in every view.
+const SETTLING_TURNS: u32 = 4;
 /// Buffers that an octree takes on the device.
 const OCTREE_BUFFERS: [&str; 2] = ["leaf_words", "level_leaves"];
 
@@ -217,7 +220,12 @@ impl Bench<'_> {
             };
             let settings = settings.checked()?;
             let (gpu, compiler) = (self.gpu, self.compiler);
-            scenes.push(ResidentScene::of_all_views(gpu, compiler, &data, &settings, &mut step)?);
+            let mut scene =
+                ResidentScene::of_all_views(gpu, compiler, &data, &settings, &mut step)?;
+            if paging.traversal == Traversal::Auto {
+                scene.settle(SETTLING_TURNS, self.timer)?;
+            }
+            scenes.push(scene);
         }
         let mut psnr_db = vec![None; ways.len()];
         let mut first: Option<Picture> = None;
@@ -253,7 +261,7 @@ impl Bench<'_> {
             let of = &measured.scenes[number];
             let (ms, march_ms) = (of.frames_ms(), march(of));
             let goals = case.goals;
-            let ours_alone = traversal == Traversal::ResidencyOctree;
+            let ours_alone = traversal == Traversal::Auto;
             let goal = |goal: Option<f64>| goal.filter(|_| ours_alone);
             let reached = extent.edge >= goals.edge_min;
             rows.push(Row {

@@ -91,6 +91,16 @@ impl ResidentScene {
         Ok((Frame { ms, statistics }, picture))
     }
 
+    /// Draws all views so often that what chooses by measurement has measured; none of it counts.
+    ///
+    /// # Errors
+    /// Exit code 4 when a brick had to come again, or the device is lost.
+    pub fn settle(&mut self, turns: u32, timer: Timer) -> Result<()> {
+        (0..turns).try_for_each(|_| {
+            (0..self.views).try_for_each(|view| self.draw(view, timer).map(|_| ()))
+        })
+    }
+
     /// What was built.
     pub fn plan(&self) -> &Plan {
         self.renderer.plan()

@@ -18,10 +18,11 @@ use crate::study::octree_scenes::{CASES, Case, Extent};
 /// everything is on the device: table 1 of the residency-octree paper (Herzberger and others 2023) as
 /// ratios within one run.
 ///
-/// Four traversals draw the same views in turns: "page-table-of-paper" leaves out a brick that shows
+/// Five traversals draw the same views in turns: "page-table-of-paper" leaves out a brick that shows
 /// nothing of any channel; "page-table", ashfall's default, asks each channel by itself; "octree" has a
 /// brick for each node and needs all its ancestors; "residency-octree" leaves out boxes down to 4 voxels,
-/// and needs a brick only where such a box shows something. All pictures must agree within 60 dB, or
+/// and needs a brick only where such a box shows something; "auto" is this or our page table, whichever
+/// marched a view's frames faster before those that count. All pictures must agree within 60 dB, or
 /// it ends with 6, and no brick may be loaded while it is measured.
 #[derive(Args)]
 #[command(
