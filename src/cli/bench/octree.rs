@@ -33,8 +33,8 @@ use crate::study::octree_scenes::{CASES, Case, Extent};
     a CPU, else device time; \"/paper\" and \"/ours\" are ratios over the two page tables, of frames of one \
     view and turn; \"march\" is the ratio over the paper's page table of the passes that march alone, on \
     the device.\n\"bricks\" are different bricks from which a finished picture takes samples, in the mean \
-    over the views, and their ratio: what the atlas must hold.\n\nThe edge of 1024 takes minutes a turn and up \
-    to 12 GiB of memory; --edge 256 shows much of it in less."
+    over the views, and their ratio: what the atlas must hold.\n\nAt edge 1024 dense takes some 10 GiB of \
+    memory, and where a CPU is the device about ten minutes a turn; --edge 256 shows much of it in less."
 )]
 pub struct Arguments {
     /// Folder of scene files (aneurism.toml, bonsai.toml, dna_2_channels.toml, engine.toml); without, scenes
