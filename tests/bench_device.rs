@@ -72,7 +72,7 @@ fn octree_compares_traversals_of_equal_pictures() {
     assert_eq!(names, ["computed-x4", "sparse", "dense"]);
     for case in cases {
         let rows = case["rows"].as_array().unwrap();
-        let words = ["page-table-of-paper", "page-table", "octree", "residency-octree"];
+        let words = ["page-table-of-paper", "page-table", "octree", "residency-octree", "auto"];
         let traversals: Vec<_> =
             rows.iter().map(|row| row["traversal"].as_str().unwrap()).collect();
         assert_eq!(traversals, words, "{case}");
@@ -91,8 +91,8 @@ fn octree_compares_traversals_of_equal_pictures() {
         assert!(number(1, "samples") <= number(0, "samples"), "{case}");
         assert!(number(3, "octree_bytes") > 0.0 && number(1, "octree_bytes") == 0.0, "{case}");
     }
-    assert_eq!(cases[2]["rows"][3]["time_goal"], 1.03);
-    assert!(cases[1]["rows"][3]["time_goal"].is_null(), "a goal of 1024 voxels");
+    assert_eq!(cases[2]["rows"][4]["time_goal"], 1.03);
+    assert!(cases[1]["rows"][4]["time_goal"].is_null(), "a goal of 1024 voxels");
     let leaves = table["leaves"]["rows"].as_array().unwrap();
     assert_eq!(leaves.len(), 10, "five leaf sizes, two counts of channels");
     let csv = std::fs::read_to_string(folder.path("octree_leaves.csv")).unwrap();

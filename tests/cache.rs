@@ -19,6 +19,8 @@ mod invariants;
 mod leaves;
 #[path = "cache/marching.rs"]
 mod marching;
+#[path = "cache/marching_faults.rs"]
+mod marching_faults;
 #[path = "cache/model.rs"]
 mod model;
 #[path = "cache/on_device.rs"]

@@ -219,7 +219,7 @@ Found unneeded(ivec3 brick, ivec3 anchor_cell) {
 
 // A loop of one turn, since lavapipe runs what stands under an `if` for rays that need none of it.
 #if defined(OCTREE) && defined(SEVERAL_CHANNELS)
-#define WHERE(CONDITION) for (bool go = CONDITION; go; go = false)
+#define WHERE(CONDITION) if (CONDITION)
 #else
 #define WHERE(CONDITION)
 #endif
@@ -500,6 +500,31 @@ void march_bricks(
         vec3 way = 0.5 * step_voxel;  // from point to point
         uint phase = 0u;  // point of the sample: its start, middle, end
 #endif
+#if defined(OCTREE) && !defined(PREINTEGRATED)
+        uint at = uint(findLSB(shown)) & 31u;
+        while (shown != 0u) {
+            Medium media[SAMPLES_AT_ONCE];
+            // 0 where none is left: such a sample changes no bit. It is fetched where the one before is.
+            float lengths_world[SAMPLES_AT_ONCE];
+            [[unroll]] for (uint which = 0u; which < SAMPLES_AT_ONCE; ++which) {
+                bool there = shown != 0u;
+                at = there ? uint(findLSB(shown)) : at;
+                shown &= shown - 1u;
+                state.samples_taken += there ? 1u : 0u;
+                lengths_world[which] = there ? geometry.step_world : 0.0;
+                bvec3 past = greaterThanEqual(uvec3(at), run_end);
+                vec3 position = anchor_fraction + float(at) * step_voxel;
+                vec3 cell = floor(position);
+                vec3 within_cell = position - cell;
+                Medium medium = Medium(vec3(0.0), 0.0);
+                SAMPLE_CHANNELS
+                media[which] = medium;
+            }
+            [[unroll]] for (uint which = 0u; which < SAMPLES_AT_ONCE; ++which) {
+                composite(block, media[which], lengths_world[which]);
+            }
+        }
+#else
 #ifdef OCTREE
         while (shown != 0u) {
             sample_index = uint(findLSB(shown));
@@ -538,14 +563,10 @@ void march_bricks(
             Medium medium = Medium(vec3(0.0), 0.0);
             SAMPLE_CHANNELS
             composite(block, medium, geometry.step_world);
-#ifdef OCTREE
-            ++state.samples_taken;
-            shown &= shown - 1u;
-#else
             ++sample_index;
 #endif
-#endif
         }
+#endif
 #if defined(OCTREE)
         sample_index = known;
 #elif defined(SKIPPING)

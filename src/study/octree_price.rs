@@ -223,7 +223,7 @@ impl Bench<'_> {
             let mut scene =
                 ResidentScene::of_all_views(gpu, compiler, &data, &settings, &mut step)?;
             if paging.traversal == Traversal::Auto {
-                scene.settle(SETTLING_TURNS, self.timer)?;
+                scene.settle(SETTLING_TURNS)?;
             }
             scenes.push(scene);
         }

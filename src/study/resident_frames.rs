@@ -91,13 +91,14 @@ impl ResidentScene {
         Ok((Frame { ms, statistics }, picture))
     }
 
-    /// Draws all views so often that what chooses by measurement has measured; none of it counts.
+    /// Draws all views so often that what chooses by measurement has measured; none of it counts, and what
+    /// one way needs beyond the other may come.
     ///
     /// # Errors
-    /// Exit code 4 when a brick had to come again, or the device is lost.
-    pub fn settle(&mut self, turns: u32, timer: Timer) -> Result<()> {
+    /// Exit code 4 when the device is lost.
+    pub fn settle(&mut self, turns: u32) -> Result<()> {
         (0..turns).try_for_each(|_| {
-            (0..self.views).try_for_each(|view| self.draw(view, timer).map(|_| ()))
+            (0..self.views).try_for_each(|view| self.renderer.draw(view, &mut |_| {}).map(|_| ()))
         })
     }
 

@@ -27,6 +27,7 @@ use ashfall::twins::rays::{BrickPush, rays_for_bricks};
 use crate::brick_scene::{BrickScene, Skipping, Spec};
 use crate::common::device::{Device, device};
 use crate::faults::{Fault, all_noticed};
+use crate::marching_faults::{FAULTS, FAULTS_OF_LEVELS, FAULTS_OF_OCTREE, FAULTS_OF_STAND_INS};
 use crate::on_device::{buffers, compare, read, write};
 use crate::random::Random;
 use crate::view_levels::{crossing, depths_between, inner_view, level_views, ray_of_pixel};
@@ -515,65 +516,6 @@ fn rays_through_levels_equal_the_twin_and_end_alike_in_every_order() {
     assert!(in_bricks > 100, "{in_bricks}");
 }
 
-#[rustfmt::skip]
-const FAULTS: &[Fault] = &[
-    ("rays.comp", "block_of_ray[ray] = fresh_block(push.level);", "block_of_ray[ray] = fresh_block(0u);"),
-    ("march_bricks.comp", "place = PLACE_RUNNING;\n        bool", "bool"),
-    ("march_bricks.comp", "waits = place < PLACE_RUNNING;", "waits = false;"),
-    ("march_bricks.comp", "atomicMin(round_progress.front, rank)", "atomicMax(round_progress.front, rank)"),
-    ("march_bricks.comp", "push.last != 0u && (counted || !all_ended)", "push.last != 0u && counted"),
-    ("common/brick_march.glsl", "return state <= ENTRY_EXPECTED;", "return state < ENTRY_EXPECTED;"),
-    ("common/brick_march.glsl", "        round_needed[slot] = round;\n", "        round_needed[slot] = 0u;\n"),
-    ("common/brick_march.glsl", "if (state == ENTRY_UNMAPPED) {\n        wish(entry);", "if (state <= ENTRY_EXPECTED) {\n        wish(entry);"),
-    ("common/brick_march.glsl", "missing = missing || found.state <= ENTRY_EXPECTED;", "missing = found.state <= ENTRY_EXPECTED;"),
-    ("common/brick_march.glsl", "nothing_here = nothing_here && found.has", "nothing_here = found.has"),
-    ("common/brick_march.glsl", "(position + 0.5)) / (step_voxel + still)", "(position - 1.5)) / (step_voxel + still)"),
-    ("common/brick_march.glsl", "mix(vec3(near), vec3(near + ivec3(PAYLOAD))", "mix(vec3(near + ivec3(PAYLOAD)), vec3(near + ivec3(PAYLOAD))"),
-    ("common/brick_march.glsl", "shown_to < known ? known : sample_index", "shown_to < known ? known + 3u : sample_index"),
-    ("common/brick_march.glsl", "shown_to = shows ? end : shown_to;", "shown_to = shows ? end - 1u : shown_to;"),
-    ("common/brick_march.glsl", "shown_to == 0u ? end : sample_index", "shown_to == 0u ? end + 1u : sample_index"),
-    ("common/brick_march.glsl", "run < RUNS && known < samples && !missing", "run < RUNS && !missing"),
-    ("common/brick_march.glsl", "if (run == 2u) { NAME##_2 = found; }", "if (run == 2u) { NAME##_1 = found; }"),
-    ("common/brick_march.glsl", "sample_index > skipped ? sample_index - skipped : 0u", "0u"),
-    ("common/brick_march.glsl", "partial.sample_index = state.next_sample < geometry.sample_count ? sample_index : 0u;", "partial.sample_index = 0u;"),
-    ("common/brick_march.glsl", "partial.transmitted = block.transmitted;", "partial.transmitted = 1.0;"),
-    ("common/brick_march.glsl", "if (attenuate(state.optical_depth).transmitted < early_stop)", "if (state.optical_depth > 0.0 && attenuate(state.optical_depth).transmitted < 2.0 * early_stop)"),
-    ("common/brick_march.glsl", "found.origin += anchor_cell + 1;", "found.origin += anchor_cell;"),
-    ("common/brick_march.glsl", "LEAVE_OUT_NAN(texel, classified) \\\n        classified.a = has == HAS_NOTHING ? 0.0 : classified.a; \\\n        mix_in(medium, classified.rgb", "mix_in(medium, classified.rgb"),
-    ("common/brick_march.glsl", "round_used[slot_first + payload] = round;", "round_used[payload] = round;"),
-    ("common/filter.glsl", "near.xz * without.x + near.yw", "near.xy * without.x + near.yw"),
-    ("common/classify.glsl", "precise float lost = state.optical_depth_rest + ", "precise float lost = "),
-];
-
-#[rustfmt::skip]
-const FAULTS_OF_LEVELS: &[Fault] = &[
-    ("march_bricks.comp", "                geometry_of_ray[ray] = geometry;\n", ""),
-    ("march_bricks.comp", "ended && partial.level + 1u < LEVELS", "ended && partial.level + 2u < LEVELS"),
-    ("march_bricks.comp", "in_level.per_scale_step.w, in_level.depth,", "in_level.per_scale_step.w, dvec2(in_level.depth.x, 1.0e300),"),
-    ("march_bricks.comp", "push.tile.origin_pixel + pixel, push.volume_size", "pixel, push.volume_size"),
-    ("march_bricks.comp", "                state.next_sample = 0u;\n", ""),
-    ("common/brick_march.glsl", "                partial.level = LEVELS;\n", ""),
-];
-
-#[rustfmt::skip]
-const FAULTS_OF_STAND_INS: &[Fault] = &[
-    ("march_bricks.comp", "if (push.last != 0u && (block_of_ray[ray].met", "if (push.last > 1u && (block_of_ray[ray].met"),
-    ("march_bricks.comp", "bool counted = all_ended && (partial.met & MET_PENDING) != 0u;", "bool counted = all_ended;"),
-    ("common/brick_march.glsl", "1u + uint(transmitted * 255.0)", "1u + uint(transmitted * 254.0)"),
-    ("common/brick_march.glsl", "attenuate(state.optical_depth).transmitted * block.transmitted", "attenuate(state.optical_depth).transmitted"),
-    ("common/brick_march.glsl", "atomicAdd(weight_of_entry[entry], weight);", "weight_of_entry[entry] = weight;"),
-    ("common/brick_march.glsl", "level_views[coarser].halvings - level_views[level].halvings", "level_views[coarser].halvings"),
-    ("common/brick_march.glsl", "ivec3 above = brick >> ivec3(shift);", "ivec3 above = (brick + 1) >> ivec3(shift);"),
-    ("common/brick_march.glsl", "bool wanted = missed <= ENTRY_EXPECTED || missed == ENTRY_FAILED;", "bool wanted = missed <= ENTRY_EXPECTED;"),
-    ("common/brick_march.glsl", "wanted = found.state <= ENTRY_EXPECTED || found.state == ENTRY_FAILED;", "wanted = found.state <= ENTRY_EXPECTED;"),
-    ("common/brick_march.glsl", "    found.state = missed;\n", ""),
-    ("common/brick_march.glsl", "        found.shift = shift;\n", "        found.shift = shift.zyx;\n"),
-    ("common/brick_march.glsl", "partial.met |= missing ? MET_PENDING : 0u;", "partial.met = missing ? MET_PENDING : 0u;"),
-    ("common/brick_march.glsl", "((rest + 0.5) + position)", "((rest + 0.25) + position)"),
-    ("common/brick_march.glsl", "vec3(ivec3(1) << shift) - 0.5;", "vec3(ivec3(1) << shift) - 0.25;"),
-    ("common/brick_march.glsl", "mix(position, coarse, notEqual(shift, ivec3(0)))", "coarse"),
-];
-
 /// Each fault is noticed by some scene.
 fn assert_noticed(faults: &[Fault], specs: &[Spec]) {
     let Some(mut device) = device() else { return };
@@ -601,6 +543,11 @@ fn faults_planted_where_levels_change_are_noticed() {
 #[test]
 fn faults_planted_where_levels_stand_in_are_noticed() {
     assert_noticed(FAULTS_OF_STAND_INS, &[2, 4].map(|spec: usize| SPECS_OF_LEVELS[spec]));
+}
+
+#[test]
+fn faults_planted_among_leaves_are_noticed() {
+    assert_noticed(FAULTS_OF_OCTREE, &[1, 0, 5].map(|spec: usize| SPECS[spec]));
 }
 
 /// What is wrong with some scenes of a kind.
