@@ -131,7 +131,7 @@ fov_degrees = 36.0
     assert_eq!(cases.len(), 2);
     let channels: Vec<_> = cases.iter().map(|case| case["channels"].as_u64().unwrap()).collect();
     assert_eq!(channels, [1, 4]);
-    assert_eq!(cases[1]["rows"][3]["bricks_goal"], 0.27);
+    assert_eq!(cases[1]["rows"][4]["bricks_goal"], 0.27);
     assert!(table["leaves"].is_null());
     let missing = bench(&["octree", "--scenes", scenes, "--only", "dna"]);
     assert_eq!(missing.status.code(), Some(3));

@@ -19,6 +19,7 @@ use ashfall::passes::{
 };
 use ashfall::twins;
 use ashfall::twins::cache::{Answer, CacheRound, Choice, ChunkCounts, Progress, Tallies};
+use ashfall::twins::octree::LevelLeaves;
 use ashfall::twins::octree_resident::{Change, Places};
 use ashfall::twins::place::Placement;
 use ashfall::twins::publish::Update;
@@ -192,6 +193,16 @@ fn elements(buffer: &str) -> Option<Host> {
             eye_brick,
             rank_first,
         })),
+        "level_leaves" => Some(host!(LevelLeaves {
+            leaves,
+            first_word,
+            shift,
+            unused_0,
+            rises,
+            unused_1,
+            brick_shift,
+            unused_2,
+        })),
         "ray_block" => {
             Some(host!(RayBlock { color, depth, transmitted, sample_index, level, met }))
         }
@@ -223,7 +234,7 @@ fn elements(buffer: &str) -> Option<Host> {
         "page_table" | "slot_owner" | "slot_used" | "slot_needed" | "usage_order"
         | "usage_order_next" | "wished" | "wish_weight" | "touched" | "wishes_of_rank"
         | "live_of_rank" | "upload" | "grants" | "requests" | "constants" | "ray_place"
-        | "resident" => None,
+        | "resident" | "leaf_words" => None,
         // One struct, not an array: compared below.
         "progress" | "tallies" | "choice" => None,
         // Plain numbers: vec4 pixels, two counters, one sum a line.
@@ -690,6 +701,7 @@ fn host_structs_lie_as_in_the_shaders() {
         "Answer",
         "Change",
         "ChunkCounts",
+        "LevelLeaves",
         "LevelView",
         "Placement",
         "Places",

@@ -113,9 +113,13 @@ impl BrickScene {
         places.sort_by_key(|(atlas, channel)| (*channel, *atlas));
         // Nothing is where no channel has anything.
         let blocks = below(random, 1 << 20);
+        // Now and then channels have nothing in places of their own.
+        let apart = u32::from(places.len() > 1 && !spec.substitute && chance(random, 0.5));
         let mut of_level = |level| -> Vec<_> {
             let size = voxel_size(level);
-            places.iter().map(|_| random_voxels(random, blocks, size, &spec)).collect()
+            let of_channel = |channel| blocks + apart * channel;
+            let channels = (0..places.len() as u32).map(of_channel);
+            channels.map(|blocks| random_voxels(random, blocks, size, &spec)).collect()
         };
         let voxels: Vec<_> = of_bricks.clone().map(&mut of_level).collect();
         let sizes: Vec<_> = of_bricks.clone().map(voxel_size).collect();
