@@ -217,7 +217,7 @@ Found unneeded(ivec3 brick, ivec3 anchor_cell) {
 #define RUNS 4u
 #define FOUND(NAME) Found NAME##_0, NAME##_1, NAME##_2, NAME##_3;
 
-// A loop of one turn, since lavapipe runs what stands under an `if` for rays that need none of it.
+// One channel alone always shows something in a run: that is why the run is there.
 #if defined(OCTREE) && defined(SEVERAL_CHANNELS)
 #define WHERE(CONDITION) if (CONDITION)
 #else

@@ -182,12 +182,8 @@ impl PagingPlan {
             atlases: atlases.plans,
         };
         residency.updates_max = UPDATES_MAX.min(residency.entries());
-        let octree = octree(
-            description,
-            &source.shown().map(|c| c.format).collect::<Vec<_>>(),
-            settings,
-            scene.memory.ram_mib << 20,
-        );
+        let formats: Vec<_> = source.shown().map(|channel| channel.format).collect();
+        let octree = octree(gpu, description, &formats, settings, scene.memory.ram_mib << 20);
         let octree_shape = |octree: &Arc<Octree>| OctreeShape {
             leaf: octree.leaf,
             word_bits: bits_of_word(volume.channels.len() as u32),
@@ -319,6 +315,7 @@ impl PagingPlan {
 
 /// The octree's nodes; nothing where rays use none, or no word has room for so many channels.
 fn octree(
+    gpu: &Gpu,
     description: &Description,
     formats: &[VoxelFormat],
     settings: &Settings,
@@ -334,7 +331,10 @@ fn octree(
     }
     // Ranges of all channels, the word of a node and of most leaves.
     let words: usize = formats.iter().map(|format| Coding::of(*format).words()).sum();
-    let nodes_max = ram_bytes / OCTREE_SHARE / (4 * (words as u64 + 2));
+    let of_ram = ram_bytes / OCTREE_SHARE / (4 * (words as u64 + 2));
+    let of_device =
+        gpu.facts().storage_bytes_max * 8 / u64::from(bits_of_word(formats.len() as u32));
+    let nodes_max = of_ram.min(of_device);
     // Nodes that have a brick each are no smaller than one.
     let leaf = if traversal == Traversal::Octree { description.payload.to_array() } else { leaf };
     let wanted = Wanted { leaf, fan_out, nodes_max };
