@@ -14,7 +14,7 @@ use crate::gpu::Gpu;
 use crate::study::stability::suite::{Choice, run as draw};
 
 /// Flags of a study of one scene, which a suite does not take.
-pub(super) const OF_A_SCENE: [&str; 46] = [
+pub(super) const OF_A_SCENE: [&str; 49] = [
     "scene",
     "raw_size",
     "raw_type",
@@ -53,6 +53,9 @@ pub(super) const OF_A_SCENE: [&str; 46] = [
     "layout",
     "no_skipping",
     "addressing",
+    "traversal",
+    "leaf",
+    "fan_out",
     "atlas_slots",
     "staging_bricks",
     "loaders",
