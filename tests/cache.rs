@@ -11,6 +11,8 @@ mod truth;
 mod brick_scene;
 #[path = "cache/faults.rs"]
 mod faults;
+#[path = "cache/forget.rs"]
+mod forget;
 #[path = "cache/host.rs"]
 mod host;
 #[path = "cache/invariants.rs"]

@@ -14,8 +14,8 @@ use ashfall::passes::cache_buffers::{RankOrder, RankShape};
 use ashfall::passes::march_shape::{ChannelShape, FilterShape, MacrocellUse, Shape};
 use ashfall::passes::probe::{self, ProbeShape};
 use ashfall::passes::{
-    SOURCES, cast, choose, count, grant, march, octree_resident, place, publish, rays, resolve,
-    scan, tally,
+    SOURCES, cast, choose, count, forget, grant, march, octree_resident, place, publish, rays,
+    resolve, scan, tally,
 };
 use ashfall::twins;
 use ashfall::twins::cache::{Answer, CacheRound, Choice, ChunkCounts, Progress, Tallies};
@@ -150,6 +150,16 @@ fn push(shader: &str) -> Host {
             last,
         }),
         "place" => host!(twins::place::Push { texels_max, first_placement }),
+        "forget" => host!(twins::forget::Push {
+            entry_first,
+            channels,
+            channel,
+            places,
+            slot_first,
+            slot_count,
+            keep,
+            unused_0,
+        }),
         "publish" => host!(twins::publish::Push { update_count }),
         "tally" | "choose" | "count" | "scan" | "grant" => host!(CacheRound {
             round,
@@ -319,6 +329,7 @@ fn brick_shapes() -> Vec<BrickShape> {
         places: vec![(0, 0)],
         atlases: vec![atlas(0)],
         ranks: RankShape { levels: 1, order: RankOrder::Guarded },
+        finest: Vec::new(),
         several_levels: false,
         views: 1,
         skipping: false,
@@ -415,6 +426,7 @@ fn all() -> Vec<(&'static str, Vec<Shader>)> {
         ("cast", cast.collect()),
         ("march_bricks", bricks.iter().map(|shape| compiled(&shape.variant())).collect()),
         ("place", place_formats.map(|format| compiled(&place::variant(format))).to_vec()),
+        ("forget", vec![compiled(&forget::variant())]),
         ("publish", vec![compiled(&publish::variant())]),
         ("tally", ranked(tally::variant)),
         ("choose", vec![compiled(&choose::variant())]),

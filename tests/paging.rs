@@ -23,6 +23,8 @@ mod plan;
 mod recovery;
 #[path = "paging/same_bytes.rs"]
 mod same_bytes;
+#[path = "paging/scene_changes.rs"]
+mod scene_changes;
 #[path = "paging/substitute.rs"]
 mod substitute;
 #[path = "paging/two_queues.rs"]

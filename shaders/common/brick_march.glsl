@@ -2,13 +2,9 @@
 // twin: src/twins/brick_march.rs
 //
 // binds    transfer     [segment]  transfer functions of all channels, one after another
-//          page_table   [entry]    state and slot
-//          constants    [number]   texels of bricks of one value
-//          slot_used    [slot]     round in which a ray last used it
 //          atlases      [image]    slots, one image per texel format
-//          wish_weight  [entry]    what the brick would add; WEIGHTS alone
-//          wished       [word]     one bit per entry
-//          slot_needed  [slot]     round in which a waiting ray last needed it; exact refinement alone
+//          page_table, constants, slot_used, slot_needed, wished, wish_weight:
+//          as common/brick_look_up.glsl
 // spaces   voxels of the level (centre origin): block anchors in fixed point, samples in f32 from the
 //          anchor; texels of a slot: local voxel + 1
 //          level_leaves, leaf_words: as common/octree.glsl; OCTREE alone
@@ -16,13 +12,10 @@
 //          ATLASES; PAYLOAD, SLOT: voxels and texels of a brick along each axis; FILTER_SAMPLER,
 //          FILTER_FETCH or FILTER_QUADS; SKIPPING: bricks of nothing are crossed in one step;
 //          OCTREE: boxes of nothing are, and channels that show nothing in a run need no brick there;
-//          ANCESTORS: only where all coarser bricks around are there too, for a bench; exact alone;
 //          SUBSTITUTE: a ray takes a coarser level for a missing brick and does not wait;
-//          WEIGHTS: rays say how much a wish is worth, and not what they need beside it;
-//          UNMARKED: slots that a ray uses are not marked, for a bench; exact refinement alone;
 //          SHOW_STATES: what a ray met is remembered; EARLY_STOP; PREINTEGRATED: a sample is two spans,
 //          between its place and half a step before and after it; SPAN_CHANNELS: one SPAN_ call per
-//          channel; as common/ranks.glsl, common/classify.glsl and common/octree.glsl
+//          channel; as common/brick_look_up.glsl, common/classify.glsl and common/octree.glsl
 // source   DESIGN section 5. A sample's brick, value and weight depend on its number alone: a ray that
 //          waits and goes on gets the same bits, and so does one that skips what is hidden
 #include "common/fixed_point.glsl"
@@ -38,171 +31,9 @@
 #include "common/octree.glsl"
 #endif
 
-layout(std430) readonly buffer page_table { uint entries[]; };
-layout(std430) readonly buffer constants { vec4 constant_texels[]; };
-layout(std430) writeonly buffer slot_used { uint round_used[]; };
-#ifdef WEIGHTS
-layout(std430) buffer wish_weight { uint weight_of_entry[]; };
-#else
-layout(std430) writeonly buffer slot_needed { uint round_needed[]; };
-#endif
-layout(std430) buffer wished { uint wishes_in_word[]; };
+#include "common/brick_look_up.glsl"
+
 uniform sampler3D atlases[ATLASES];
-
-// What a channel has in the brick around a sample.
-#define HAS_NOTHING 0u
-#define HAS_CONSTANT 1u
-#define HAS_SLOT 2u
-void wish(uint entry) {
-    uint bit = 1u << (entry & 31u);
-    if ((wishes_in_word[entry >> 5u] & bit) == 0u) {
-        atomicOr(wishes_in_word[entry >> 5u], bit);
-    }
-}
-
-// Marks what a ray that waits at a place needs of one channel; true where it has to wait.
-bool mark(uint round, uint entry, uint slot_first) {
-    uint value = entries[entry];
-    uint state = value >> ENTRY_STATE_SHIFT;
-    if (state == ENTRY_MAPPED) {
-        uint slot = slot_first + (value & ENTRY_PAYLOAD_MASK);
-        round_used[slot] = round;
-#ifndef WEIGHTS
-        round_needed[slot] = round;
-#endif
-    }
-    if (state == ENTRY_UNMAPPED) {
-        wish(entry);
-#ifdef WEIGHTS
-        atomicAdd(weight_of_entry[entry], 1u);
-#endif
-    }
-    return state <= ENTRY_EXPECTED;
-}
-
-ivec3 origin_of_slot(uint slot, uvec2 slots_across) {
-    uint row = slot / slots_across.x;
-    return ivec3(slot % slots_across.x, row % slots_across.y, row / slots_across.y) * ivec3(SLOT);
-}
-
-// What one channel has in a brick; `origin` is the texel of the cell at the block's anchor (in a coarser
-// level: of that level's cell 0).
-struct Found {
-    uint has;
-    uint state;
-    ivec3 origin;
-    vec4 texel;           // of a constant
-#ifdef SUBSTITUTE
-    uvec3 shift;          // how many levels coarser, per axis
-#endif
-};
-
-void take(inout Found found, uint round, uint value, uint slot_first, uvec2 slots_across, ivec3 brick) {
-    uint state = value >> ENTRY_STATE_SHIFT;
-    uint payload = value & ENTRY_PAYLOAD_MASK;
-    found.state = state;
-    found.has = HAS_NOTHING;
-    // Where nothing is in a slot, the first slot is fetched from and not used.
-    found.origin = -brick * ivec3(PAYLOAD);
-    if (state == ENTRY_MAPPED) {
-        found.has = HAS_SLOT;
-        found.origin += origin_of_slot(payload, slots_across);
-#ifndef UNMARKED
-        round_used[slot_first + payload] = round;
-#endif
-    }
-    if (state == ENTRY_CONSTANT) {
-        found.has = HAS_CONSTANT;
-        found.texel = constant_texels[payload];
-    }
-}
-
-// Where a level's bricks stand among all places.
-struct LevelPlaces {
-    uvec3 bricks;  // along each axis
-    uint first;
-};
-
-uint place_of_brick(LevelPlaces places, ivec3 brick) {
-    uvec3 at = uvec3(brick);
-    return places.first + (at.z * places.bricks.y + at.y) * places.bricks.x + at.x;
-}
-
-#ifdef ANCESTORS
-// The place of a coarser level around a brick.
-uint place_around(uint level, uint coarser, ivec3 brick) {
-    LevelPlaces places =
-        LevelPlaces(level_views[coarser].bricks, level_views[coarser].first_place);
-    uvec3 shift = level_views[coarser].halvings - level_views[level].halvings;
-    return place_of_brick(places, brick >> ivec3(shift));
-}
-#endif
-
-// `entry_first` and `channels` as in CacheRound; `channel` counts within the atlas.
-Found look_up(
-    uint round, uint level, uint place, ivec3 brick, ivec3 anchor_cell, uint entry_first, uint channels,
-    uint channel, uint slot_first, uvec2 slots_across, uint weight
-) {
-    uint entry = entry_first + place * channels + channel;
-    Found found;
-    found.origin = ivec3(0);
-    found.texel = vec4(0.0);
-#ifdef SUBSTITUTE
-    found.shift = uvec3(0u);
-#endif
-    take(found, round, entries[entry], slot_first, slots_across, brick);
-#ifdef ANCESTORS
-    // From the root down, as one goes through a tree of pointers.
-    uint state = found.state;
-    for (uint coarser = LEVELS - 1u; coarser > level; --coarser) {
-        uint value = entries[entry_first + place_around(level, coarser, brick) * channels + channel];
-        bool there = (value >> ENTRY_STATE_SHIFT) == ENTRY_MAPPED;
-        if (there) {
-            round_used[slot_first + (value & ENTRY_PAYLOAD_MASK)] = round;
-        }
-        state = min(state, (value >> ENTRY_STATE_SHIFT) <= ENTRY_EXPECTED ? ENTRY_EXPECTED : state);
-    }
-    found.state = state;
-#endif
-#ifdef SUBSTITUTE
-    if (found.state == ENTRY_UNMAPPED) {
-        wish(entry);
-        atomicAdd(weight_of_entry[entry], weight);
-    }
-    uint missed = found.state;
-    bool wanted = missed <= ENTRY_EXPECTED || missed == ENTRY_FAILED;
-    for (uint coarser = level + 1u; wanted && coarser < LEVELS; ++coarser) {
-        uvec3 shift = level_views[coarser].halvings - level_views[level].halvings;
-        ivec3 above = brick >> ivec3(shift);
-        LevelPlaces places =
-            LevelPlaces(level_views[coarser].bricks, level_views[coarser].first_place);
-        entry = entry_first + place_of_brick(places, above) * channels + channel;
-        take(found, round, entries[entry], slot_first, slots_across, above);
-        found.shift = shift;
-        wanted = found.state <= ENTRY_EXPECTED || found.state == ENTRY_FAILED;
-    }
-    found.state = missed;
-    found.origin += 1;
-#else
-    found.origin += anchor_cell + 1;
-#endif
-    return found;
-}
-
-// What a channel has that shows nothing in a run.
-Found unneeded(ivec3 brick, ivec3 anchor_cell) {
-    Found found;
-    found.has = HAS_NOTHING;
-    found.state = ENTRY_HIDDEN;
-    found.origin = 1 - brick * ivec3(PAYLOAD);
-    found.texel = vec4(0.0);
-#ifdef SUBSTITUTE
-    found.shift = uvec3(0u);
-#else
-    found.origin += anchor_cell;
-#endif
-    return found;
-}
 
 #ifdef SHOW_STATES
 #define REMEMBER(NAME) \
@@ -224,13 +55,13 @@ Found unneeded(ivec3 brick, ivec3 anchor_cell) {
 #define WHERE(CONDITION)
 #endif
 
-#define LOOK_UP(NAME, BIT, ENTRY_FIRST, CHANNELS, CHANNEL, SLOT_FIRST, SLOTS_ACROSS) \
+#define LOOK_UP(NAME, BIT, ENTRY_FIRST, CHANNELS, CHANNEL, SLOT_FIRST, SLOTS_ACROSS, FINEST) \
     { \
         Found found = unneeded(brick, anchor.cell); \
         WHERE((needed & BIT) != 0u) { \
             found = look_up( \
                 round, level, brick_place, brick, anchor.cell, ENTRY_FIRST, CHANNELS, CHANNEL, \
-                SLOT_FIRST, SLOTS_ACROSS, weight); \
+                SLOT_FIRST, SLOTS_ACROSS, FINEST, weight); \
         } \
         missing = missing || found.state <= ENTRY_EXPECTED; \
         nothing_here = nothing_here && found.has == HAS_NOTHING; \

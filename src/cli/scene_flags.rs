@@ -46,6 +46,10 @@ pub struct SceneFlags {
     /// Coarsest level allowed; 0 is the finest.
     #[arg(long, allow_hyphen_values = true, help_heading = "Over the scene")]
     level_max: Option<i64>,
+    /// With refine substitute: how much drawing a channel coarser may lose, as a part of the greatest it shows
+    /// (root mean square over any brick), such as 0.02. Smooth channels then take far fewer bricks.
+    #[arg(long, allow_hyphen_values = true, help_heading = "Over the scene")]
+    level_loss: Option<f64>,
     /// A ray ends when less than this is transmitted; 0: never. Costs at most this times the brightest colour.
     #[arg(long, allow_hyphen_values = true, help_heading = "Over the scene")]
     early_stop: Option<f64>,
@@ -88,6 +92,7 @@ impl SceneFlags {
             filter: self.filter.clone(),
             refine: self.refine.clone(),
             level_max: self.level_max,
+            level_loss: self.level_loss,
             early_stop: self.early_stop,
             atlas_mib: self.atlas_mib,
             ram_mib: self.ram_mib,

@@ -167,6 +167,12 @@ impl Loading {
         self.surveys.forget_failures();
     }
 
+    /// Surveys of a channel may be asked for again, since what was made of them is forgotten. The source
+    /// is the same: its bricks in the cache stay.
+    pub fn forget_surveys(&mut self, volume: u16, channel: u16) {
+        self.surveys.forget_channel(volume, channel);
+    }
+
     /// The source of a volume has changed. Its bricks in the cache are dropped, its failures and
     /// surveys forgotten; what was read before is never delivered. What is still wished or asked for is
     /// read anew, after the old read has come back.

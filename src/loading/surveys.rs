@@ -82,6 +82,14 @@ impl Surveys {
         self.states.retain(|_, state| *state != State::Known { whole: false });
     }
 
+    /// A channel's blocks that were delivered may be asked for again.
+    pub fn forget_channel(&mut self, volume: u16, channel: u16) {
+        self.states.retain(|block, state| {
+            let same = block.volume == volume && block.channel == channel;
+            !(same && matches!(state, State::Known { .. }))
+        });
+    }
+
     /// The volume's blocks may be asked for again; what is under way is old.
     pub fn new_epoch(&mut self, volume: u16) {
         self.states.retain(|block, state| {
@@ -115,6 +123,22 @@ mod tests {
         assert!(surveys.ask(block(1), 2) && surveys.outstanding() == 1);
         surveys.new_epoch(1);
         assert!(surveys.ask(block(1), 2) && surveys.outstanding() == 2);
+    }
+
+    #[test]
+    fn a_forgotten_channel_is_asked_for_again_and_others_are_not() {
+        let of = |channel: u16| Block { channel, ..block(2) };
+        let mut surveys = Surveys::default();
+        for channel in 0..3 {
+            surveys.ask(of(channel), 9);
+        }
+        (0..2).for_each(|_| surveys.handed());
+        assert!(surveys.arrived(of(0), true) && surveys.arrived(of(1), true));
+        surveys.forget_channel(0, 1);
+        surveys.forget_channel(0, 2);
+        surveys.forget_channel(1, 0);
+        (0..3).for_each(|channel| assert!(surveys.ask(of(channel), 9)));
+        assert_eq!((surveys.outstanding(), surveys.first()), (2, Some(of(2))), "2 waits, 1 again");
     }
 
     #[test]

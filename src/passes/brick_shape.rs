@@ -40,6 +40,8 @@ pub struct BrickShape {
     pub atlases: Vec<AtlasShape>,
     /// How bricks are ranked.
     pub ranks: RankShape,
+    /// For each channel the level that it is drawn at where rays are in a finer one; for substitution alone.
+    pub finest: Vec<u32>,
     /// Whether some view uses several levels.
     pub several_levels: bool,
     /// Views of the scene.
@@ -76,16 +78,22 @@ impl BrickShape {
         self.march.turns_of_block() + RUNS + boxes
     }
 
+    /// Whether some channel is drawn at another level than rays are in.
+    pub fn channel_levels(&self) -> bool {
+        self.finest.iter().any(|finest| *finest > 0)
+    }
+
     /// The variant of march_bricks.
     pub fn variant(&self) -> Variant {
         let (mut declare, mut look_up, mut mark) = (String::new(), String::new(), String::new());
         for (index, (atlas, channel)) in self.places.iter().enumerate() {
             let AtlasShape { entry_first, channels, slot_first, slots_across: [x, y] } =
                 self.atlases[*atlas];
+            let finest = self.finest.get(index).copied().unwrap_or(0);
             let bit = 1u32.checked_shl(index as u32).unwrap_or(0);
             declare += &format!("FOUND(channel_{index}) ");
             look_up += &format!(
-                "LOOK_UP(channel_{index}, {bit}u, {entry_first}u, {channels}u, {channel}u, {slot_first}u, uvec2({x}, {y})) "
+                "LOOK_UP(channel_{index}, {bit}u, {entry_first}u, {channels}u, {channel}u, {slot_first}u, uvec2({x}, {y}), {finest}u) "
             );
             mark +=
                 &format!("MARK({bit}u, {entry_first}u, {channels}u, {channel}u, {slot_first}u) ");
@@ -111,6 +119,7 @@ impl BrickShape {
             ("SKIPPING", self.skipping && self.octree.is_none()),
             ("SHOW_STATES", self.show_states),
             ("UNMARKED", !self.marks),
+            ("CHANNEL_LEVELS", self.channel_levels()),
         ];
         flags.retain(|(_, defined)| *defined);
         let mut variant = flags.iter().fold(variant, |variant, (name, _)| variant.define(*name, 1));

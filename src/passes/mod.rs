@@ -5,6 +5,7 @@ pub mod cache_buffers;
 pub mod cast;
 pub mod choose;
 pub mod count;
+pub mod forget;
 pub mod grant;
 pub mod march;
 pub mod march_bricks;

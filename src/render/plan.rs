@@ -10,7 +10,7 @@ use crate::gpu::{BufferSpec, Gpu, Image, ImageSpec, ObjectKind, Shader, ShaderCo
 use crate::passes::cache_buffers::RankOrder;
 use crate::passes::march_shape::{ChannelShape, FilterShape, MacrocellUse, Shape};
 use crate::passes::{cast, rays, resolve};
-use crate::render::image_layout::TexelLayout;
+use crate::render::image_layout::{LayoutChoice, TexelLayout};
 use crate::render::macrocells::PlannedMacrocells;
 use crate::render::paging::{CopyPath, PagingPlan, longest_diagonal_world};
 use crate::render::plan_images::{ChannelFacts, plan_images};
@@ -338,6 +338,9 @@ impl Plan {
         } else {
             left_out.add("marks of bricks that waiting rays need", "rays do not wait");
         }
+        if !paging.bricks.channel_levels() {
+            left_out.add("levels of channels", "all are drawn at the level that rays are in");
+        }
         if paging.octree.is_none() {
             left_out.add("residency octree", "rays go brick by brick");
         }
@@ -390,6 +393,31 @@ impl Plan {
             settings: *settings,
             paging: Some(paging),
         })
+    }
+
+    /// Settings under which another scene of the volume is planned alike: voxels lie as chosen here.
+    pub(super) fn settings_again(&self) -> Settings {
+        let chosen =
+            self.paging.as_ref().map(|paging| LayoutChoice::Only(paging.layouts[0].layout));
+        let addressing =
+            if self.paging.is_some() { Addressing::Paged } else { self.settings.addressing };
+        Settings { layout: chosen.unwrap_or(self.settings.layout), addressing, ..self.settings }
+    }
+
+    /// Why a renderer of this plan cannot go on with the next; nothing: it can.
+    pub(super) fn unlike(&self, next: &Plan) -> Option<&'static str> {
+        let (Some(paging), Some(of_next)) = (&self.paging, &next.paging) else {
+            return Some("voxels are drawn directly");
+        };
+        if (self.picture, self.views.len()) != (next.picture, next.views.len()) {
+            return Some("its pictures are of another size or number");
+        }
+        paging.unlike(of_next)
+    }
+
+    /// The finest level at which each channel is drawn; empty where voxels are not in bricks.
+    pub fn finest_levels(&self) -> &[u8] {
+        self.paging.as_ref().map_or(&[], |paging| &paging.finest)
     }
 
     /// The coarsest level that a view may use; 0 where voxels are not in bricks.
@@ -490,6 +518,11 @@ fn is_paged(gpu: &Gpu, data: &SceneData, settings: &Settings) -> Result<bool> {
         Addressing::Paged => return Ok(true),
         Addressing::Direct => return Ok(false),
         Addressing::Auto => {}
+    }
+    // Directly there is level 0 alone.
+    let coarse = data.scene.volumes[0].channels.iter().any(|channel| channel.level_min > 0);
+    if coarse || data.scene.quality.level_loss.is_some() {
+        return Ok(true);
     }
     let source = &data.volumes[0];
     let description = source.source.description();

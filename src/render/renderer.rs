@@ -16,11 +16,13 @@ use crate::render::frame::{self, Tile};
 use crate::render::paging::{self, Paged, RoundPicture, Watch};
 use crate::render::plan::{DISPATCHES_PER_SUBMIT, Plan};
 use crate::render::plan_objects::copies_of;
+use crate::render::scene_change::{NextScene, SceneChange};
 use crate::render::scene_data::SceneData;
 use crate::render::statistics::{Statistics, peak_rss_bytes};
 use crate::render::tracing;
 use crate::render::upload::{upload, upload_codes};
 use crate::scene::RayFrame;
+use crate::source::BrickSource;
 use crate::trace::Trace;
 use crate::twins::ray_setup::ViewRays;
 use crate::volume::WorldFromVoxel;
@@ -47,6 +49,9 @@ pub struct Renderer {
     /// What the first submit waits for.
     pub(super) uploaded: Vec<TimePoint>,
     pub(super) volume_size: [u32; 3],
+    /// Of the volume.
+    source: Arc<dyn BrickSource>,
+    pub(super) next_scene: NextScene,
     pub(super) background: [f32; 3],
     pub(super) early_stop: f32,
     upload_ms: f64,
@@ -102,7 +107,6 @@ impl Renderer {
         trace: Option<&Arc<Trace>>,
     ) -> Result<Renderer> {
         let scene = &data.scene;
-        let world_from_voxel = data.world_from_voxel(0);
         let make = |name: &str| Buffer::new(gpu, &plan.buffer(name).spec);
         let buffers = Buffers {
             views: make("views")?,
@@ -110,10 +114,7 @@ impl Renderer {
             picture: make("picture")?,
             counters: make("counters")?,
         };
-        let frames = scene.views.iter().map(|view| view.ray_frame_world(scene.picture.size));
-        let views: Vec<_> = frames.map(|frame| view_rays(&frame, &world_from_voxel)).collect();
-        buffers.views.write(0, bytemuck::cast_slice(&views))?;
-        buffers.transfer.write(0, bytemuck::cast_slice(&plan.segments))?;
+        write_scene(&buffers, &plan, data)?;
 
         let pipeline = |index: usize| ComputePipeline::new(gpu, plan.passes[index].shader.clone());
         let way = match plan.passes[..] {
@@ -129,8 +130,10 @@ impl Renderer {
         };
         let atlases =
             plan.paging.as_ref().map_or(0, |paging| paging.residency.atlases.len() as u32);
-        // March, rays and resolve; where bricks are paged, clearing, publishing and managing too.
-        let steps = DISPATCHES_PER_SUBMIT + 2 + if atlases > 0 { 24 + 5 * atlases } else { 0 };
+        // March, rays and resolve; where bricks are paged, clearing, forgetting, publishing and managing too.
+        let channels = plan.shape.channels.len() as u32;
+        let of_pages = if atlases > 0 { 24 + 5 * atlases + channels } else { 0 };
+        let steps = DISPATCHES_PER_SUBMIT + 2 + of_pages;
         let timestamps = Timestamps::new(gpu, RoleKind::Render, steps)?;
 
         let mut channels = Vec::new();
@@ -191,6 +194,8 @@ impl Renderer {
             timestamps,
             uploaded,
             volume_size,
+            source: data.volumes[0].source.clone(),
+            next_scene: NextScene::default(),
             background: scene.picture.background,
             early_stop: scene.quality.ray_end() as f32,
             upload_ms,
@@ -216,6 +221,38 @@ impl Renderer {
     /// drawn, which then begins anew. No brick of before is shown after.
     pub fn epoch(&self) -> Arc<AtomicU64> {
         self.epoch.clone()
+    }
+
+    /// Where any thread may leave another scene for this renderer, also while it draws.
+    pub fn next_scene(&self) -> NextScene {
+        self.next_scene.clone()
+    }
+
+    /// Goes on with another scene of the same volume, as [`SceneChange::new`] planned it from this plan.
+    /// Bricks of channels that both scenes show stay where they are.
+    ///
+    /// # Errors
+    /// Exit code 4 when the device runs out of memory or is lost; 3 when the volume is another one.
+    pub fn change(&mut self, change: SceneChange) -> Result<()> {
+        let SceneChange { plan, data, forget } = change;
+        if !Arc::ptr_eq(&self.source, &data.volumes[0].source) {
+            return Err(data.scene.volumes[0].place.error(
+                "the volume is not the one that is drawn: make a new renderer for it".to_owned(),
+            ));
+        }
+        let of_transfer = &plan.buffer("transfer").spec;
+        if of_transfer.bytes > self.buffers.transfer.bytes() {
+            self.buffers.transfer = Buffer::new(&self.gpu, of_transfer)?;
+        }
+        write_scene(&self.buffers, &plan, &data)?;
+        if let (Way::Paged(Some(paged)), Some(next)) = (&mut self.way, plan.paging.clone()) {
+            let shaders: Vec<_> = plan.passes.iter().map(|pass| pass.shader.clone()).collect();
+            paged.change(&self.gpu, next, &shaders, &forget)?;
+        }
+        self.background = data.scene.picture.background;
+        self.early_stop = data.scene.quality.ray_end() as f32;
+        self.plan = plan;
+        Ok(())
     }
 
     /// Draws one view; `progress` is told the finished part, 0 to 1.
@@ -247,16 +284,23 @@ impl Renderer {
         &mut self,
         view: usize,
         progress: &mut dyn FnMut(f64),
-        watch: Option<&mut Watch>,
+        mut watch: Option<&mut Watch>,
     ) -> Result<(Picture, Statistics)> {
         let start = Instant::now();
         let _view = self.span("view");
-        if let Way::Paged(paged) = &mut self.way
-            && let Some(mut paged) = paged.take()
-        {
-            let drawn = self.draw_paged(&mut paged, view, progress, watch);
+        while let Way::Paged(paged) = &mut self.way {
+            if let Some(change) = self.next_scene.take() {
+                self.change(change)?;
+                continue;
+            }
+            let Some(mut paged) = paged.take() else { unreachable!("only a drawing has it") };
+            let drawn = self.draw_paged(&mut paged, view, progress, watch.as_deref_mut());
             self.way = Way::Paged(Some(paged));
-            return drawn;
+            // Nothing: another scene has come meanwhile.
+            if let Some((picture, mut statistics)) = drawn? {
+                statistics.wall_ms = start.elapsed().as_secs_f64() * 1e3;
+                return Ok((picture, statistics));
+            }
         }
         let mut statistics = Statistics {
             rounds: 1,
@@ -301,8 +345,7 @@ impl Renderer {
         view: usize,
         progress: &mut dyn FnMut(f64),
         mut watch: Option<&mut Watch>,
-    ) -> Result<(Picture, Statistics)> {
-        let start = Instant::now();
+    ) -> Result<Option<(Picture, Statistics)>> {
         let mut statistics = Statistics {
             converged: true,
             device: self.plan.device.clone(),
@@ -322,7 +365,9 @@ impl Renderer {
             let mut part = |of_tile: f64| progress((number as f64 + of_tile) / tiles.len() as f64);
             let watch = watch.as_deref_mut().filter(|_| tiles.len() == 1);
             let heard = (&mut part as &mut dyn FnMut(f64), watch);
-            paging::draw(self, paged, *tile, &mut statistics, &mut records, heard)?;
+            if !paging::draw(self, paged, *tile, &mut statistics, &mut records, heard)? {
+                return Ok(None);
+            }
             if number > 0 && paged.epoch != epoch {
                 // Tiles of before show the source as it was.
                 number = 0;
@@ -337,12 +382,11 @@ impl Renderer {
         }
         paged.tell(&mut statistics)?;
         statistics.converged = converged;
-        statistics.wall_ms = start.elapsed().as_secs_f64() * 1e3;
         statistics.device_bytes = self.gpu.ledger.bytes();
         statistics.peak_rss_bytes = peak_rss_bytes();
         statistics.validation_messages = self.gpu.messages().len() as u64;
         self.records = records;
-        Ok((Picture { size: self.plan.picture, pixels }, statistics))
+        Ok(Some((Picture { size: self.plan.picture, pixels }, statistics)))
     }
 
     fn tiles(&self, view: u32) -> Vec<Tile> {
@@ -372,6 +416,15 @@ impl Renderer {
         self.buffers.counters.read(0, bytemuck::cast_slice_mut(&mut counters))?;
         Ok(u64::from(counters[1]) << 32 | u64::from(counters[0]))
     }
+}
+
+/// Writes what passes read of the scene alone.
+fn write_scene(buffers: &Buffers, plan: &Plan, data: &SceneData) -> Result<()> {
+    let (scene, world_from_voxel) = (&data.scene, data.world_from_voxel(0));
+    let frames = scene.views.iter().map(|view| view.ray_frame_world(scene.picture.size));
+    let views: Vec<_> = frames.map(|frame| view_rays(&frame, &world_from_voxel)).collect();
+    buffers.views.write(0, bytemuck::cast_slice(&views))?;
+    buffers.transfer.write(0, bytemuck::cast_slice(&plan.segments))
 }
 
 /// A view's rays in voxels and in the world, as the shader takes them.

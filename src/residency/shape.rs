@@ -29,7 +29,7 @@ pub struct AtlasPlan {
 pub struct ResidencyShape {
     /// How bricks are ranked.
     pub ranks: RankShape,
-    /// Ranks of the view that has most of them.
+    /// Ranks of any view, at most.
     pub rank_count: u32,
     /// One per texel format.
     pub atlases: Vec<AtlasPlan>,

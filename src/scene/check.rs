@@ -276,11 +276,16 @@ impl Check<'_> {
         let level_max = self
             .pick_optional(overrides.level_max, "--level-max", file.level_max)
             .map(|level| {
-                u8::try_from(level.value).ok().filter(|&level| level < 32).ok_or_else(|| {
-                    level.place.error(format!("level_max must be 0 to 31, got {}", level.value))
-                })
+                checked_level(&level).map_err(|why| level.place.error(format!("level_max {why}")))
             })
             .transpose()?;
+        let level_loss = self.pick_optional(overrides.level_loss, "--level-loss", file.level_loss);
+        if let Some(loss) = level_loss.as_ref().filter(|loss| !(0.0..1.0).contains(&loss.value)) {
+            return Err(loss.place.error(format!(
+                "level_loss must be at least 0 and less than 1, got {}",
+                loss.value
+            )));
+        }
         let early_stop = self.pick(overrides.early_stop, "--early-stop", file.early_stop, 0.0005);
         if !(0.0..1.0).contains(&early_stop.value) {
             return Err(early_stop.place.error(format!(
@@ -294,6 +299,7 @@ impl Check<'_> {
             filter,
             refine,
             level_max,
+            level_loss: level_loss.map(|loss| loss.value),
             early_stop: early_stop.value,
             tolerance: tolerance.map_or(Quality::TOLERANCE_DEFAULT, |tolerance| tolerance.value),
         })
@@ -496,7 +502,27 @@ impl Check<'_> {
         }
         let transfer = TransferFunction::new(points)
             .map_err(|(at, why)| refuse(places.get(at).unwrap_or(&list_place), why))?;
-        Ok(Channel { index, window: window.value, transfer })
+        let level = |level: Option<Spanned<i64>>, name: &str| {
+            level
+                .map(|level| self.located(level))
+                .map(|level| {
+                    checked_level(&level)
+                        .map_err(|why| refuse(&level.place, format!("{name} {why}")))
+                })
+                .transpose()
+        };
+        let level_max_place = file.level_max.as_ref().map(|level| self.place(&level.span()));
+        let (level_min, level_max) =
+            (level(file.level_min, "level_min")?.unwrap_or(0), level(file.level_max, "level_max")?);
+        if let (Some(most), Some(place)) =
+            (level_max.filter(|most| *most < level_min), level_max_place)
+        {
+            return Err(refuse(
+                &place,
+                format!("level_max must be at least level_min, got {most} and {level_min}"),
+            ));
+        }
+        Ok(Channel { index, window: window.value, transfer, level_min, level_max })
     }
 
     fn view(&self, index: usize, file: Located<ViewFile>) -> Result<View> {
@@ -597,4 +623,9 @@ fn is_raw(path: &str) -> bool {
     let path = path.to_ascii_lowercase();
     let plain = path.strip_suffix(".gz").or(path.strip_suffix(".zst")).unwrap_or(&path);
     plain.ends_with(".raw") || plain.ends_with(".bin")
+}
+
+fn checked_level(level: &Located<i64>) -> std::result::Result<u8, String> {
+    let known = u8::try_from(level.value).ok().filter(|level| *level < 32);
+    known.ok_or_else(|| format!("must be 0 to 31, got {}", level.value))
 }

@@ -37,6 +37,7 @@ pub(super) struct QualityFile {
     pub filter: Option<Spanned<String>>,
     pub refine: Option<Spanned<String>>,
     pub level_max: Option<Spanned<i64>>,
+    pub level_loss: Option<Spanned<f64>>,
     pub early_stop: Option<Spanned<f64>>,
 }
 
@@ -88,6 +89,8 @@ pub(super) struct ChannelFile {
     pub index: Option<Spanned<i64>>,
     pub window: Option<Spanned<[f64; 2]>>,
     pub transfer: Option<Spanned<Vec<Spanned<PointFile>>>>,
+    pub level_min: Option<Spanned<i64>>,
+    pub level_max: Option<Spanned<i64>>,
 }
 
 #[derive(Deserialize)]

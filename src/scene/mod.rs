@@ -57,6 +57,10 @@ pub struct Quality {
     pub refine: Refine,
     /// Coarsest level allowed; nothing: chosen by the pixel's footprint.
     pub level_max: Option<u8>,
+    /// What drawing a channel coarser may lose: root mean square, over any brick, of extinction and of
+    /// extinction times colour, as a part of their greatest. Nothing: a channel is drawn at the level
+    /// that rays are in.
+    pub level_loss: Option<f64>,
     /// A ray ends when less than this is transmitted; 0: never.
     pub early_stop: f64,
     /// Greatest error of a component of a pixel, for the integrator that works to one.
@@ -212,4 +216,8 @@ pub struct Channel {
     pub window: [f64; 2],
     /// Colour and extinction of a windowed value.
     pub transfer: TransferFunction,
+    /// Finest level at which it is drawn; needs refine "substitute" where it is above 0.
+    pub level_min: u8,
+    /// Coarsest level at which it is drawn; nothing: as the pixel's footprint says.
+    pub level_max: Option<u8>,
 }

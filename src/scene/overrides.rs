@@ -21,6 +21,8 @@ pub struct Overrides {
     pub refine: Option<String>,
     /// `--level-max`
     pub level_max: Option<i64>,
+    /// `--level-loss`
+    pub level_loss: Option<f64>,
     /// `--early-stop`
     pub early_stop: Option<f64>,
     /// `--atlas-mib`

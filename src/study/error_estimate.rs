@@ -126,6 +126,8 @@ pub struct DrawnBy {
     coarsest: Vec<u8>,
     /// The volume's coarsest.
     last: u8,
+    /// Whether some channel was drawn coarser than rays were.
+    channel_levels: bool,
 }
 
 impl DrawnBy {
@@ -136,6 +138,7 @@ impl DrawnBy {
             paged: plan.addressing == "paged",
             coarsest: (0..plan.views.len()).map(|view| plan.coarsest_level(view)).collect(),
             last: (data.volumes[0].source.description().levels.count() - 1) as u8,
+            channel_levels: plan.finest_levels().iter().any(|level| *level > 0),
         }
     }
 }
@@ -165,8 +168,12 @@ impl Drawing<'_> {
         drawn: &[Drawn],
     ) -> Result<Vec<ErrorEstimate>> {
         let asked = data.scene.quality.clone();
+        let channels = data.scene.volumes[0].channels.clone();
+        // What they are compared with has all channels at the level that rays are in.
+        data.scene.volumes[0].channels.iter_mut().for_each(|channel| channel.level_min = 0);
         let found = self.compared(data, by, drawn, &asked);
         data.scene.quality = asked;
+        data.scene.volumes[0].channels = channels;
         found
     }
 
@@ -191,11 +198,11 @@ impl Drawing<'_> {
             }
             Ok::<_, Error>(controls)
         };
-        let exact = Quality { refine: Refine::Exact, filter: Filter::Exact, ..asked.clone() };
-        let waits = Quality { refine: Refine::Exact, ..asked.clone() };
-        // What the pictures should have been, where they could not be finished.
+        let waits = Quality { refine: Refine::Exact, level_loss: None, ..asked.clone() };
+        let exact = Quality { filter: Filter::Exact, ..waits.clone() };
+        // What the pictures should have been, where they could not be finished or channels were coarser.
         let mut finished = None;
-        if drawn.iter().any(|view| !view.statistics.converged) {
+        if by.channel_levels || drawn.iter().any(|view| !view.statistics.converged) {
             let what = "refine exact";
             let controls = controls(waits.clone(), settings, what)?;
             for ((parts, view), control) in parts.iter_mut().zip(drawn).zip(&controls) {

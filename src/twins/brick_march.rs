@@ -2,60 +2,23 @@
 //! papers' order.
 
 use crate::twins::bits::{bits_between, each_bit};
+use crate::twins::brick_look_up::{Channel, Found, Has, Scene, look_up, substitute};
 use crate::twins::cache::Cache;
 use crate::twins::classify::{Block, Medium, join_block};
 use crate::twins::exponential::attenuate;
-use crate::twins::filter::{Along, Texels, filtered, filtered_along};
+use crate::twins::filter::{Along, filtered, filtered_along};
 use crate::twins::fixed_point::{Fixed3, fixed_advance, fixed_float, fixed_fraction};
 use crate::twins::limits::{
-    BLOCK_SAMPLES, ENTRY_ABSENT, ENTRY_CONSTANT, ENTRY_EXPECTED, ENTRY_FAILED, ENTRY_HIDDEN,
-    ENTRY_MAPPED, ENTRY_PAYLOAD_MASK, ENTRY_STATE_SHIFT, ENTRY_UNMAPPED,
+    BLOCK_SAMPLES, ENTRY_ABSENT, ENTRY_EXPECTED, ENTRY_FAILED, ENTRY_HIDDEN,
 };
 use crate::twins::march_bricks::Push;
-use crate::twins::octree::Leaves;
 use crate::twins::preintegrate::{Content, Point, Span, composite_span};
-use crate::twins::ranks::{LevelView, place_of_brick};
+use crate::twins::ranks::place_of_brick;
 use crate::twins::ray::{RayGeometry, RayState};
 use crate::twins::ray_block::{
     MET_ABSENT, MET_CHANNELS_SHIFT, MET_FAILED, MET_PENDING, MET_STATES, RayBlock,
 };
 use crate::twins::transfer::{TransferSegment, classify};
-
-/// A channel of one value per voxel, as the shader sees it.
-pub struct Channel<'a> {
-    /// The atlas's first entry, its channels, and this one among them.
-    pub entry_first: u32,
-    /// See `entry_first`.
-    pub channels: u32,
-    /// See `entry_first`.
-    pub channel: u32,
-    /// The atlas's first slot.
-    pub slot_first: u32,
-    /// Slots of the atlas along x and y.
-    pub slots_across: [u32; 2],
-    /// The atlas.
-    pub atlas: Texels<'a, f32>,
-    /// The channel's transfer function.
-    pub segments: &'a [TransferSegment],
-}
-
-/// The scene as the shader sees it.
-pub struct Scene<'a> {
-    /// In the scene's order.
-    pub channels: &'a [Channel<'a>],
-    /// Of the view.
-    pub levels: &'a [LevelView],
-    /// Texels of bricks of one value.
-    pub constants: &'a [[f32; 4]],
-    /// Voxels of a brick along each axis.
-    pub payload: [i32; 3],
-    /// Texels of a slot along each axis.
-    pub slot: [i32; 3],
-    /// Bricks of nothing are crossed in one step.
-    pub skipping: bool,
-    /// Boxes of nothing are, and channels that show nothing in a run need no brick there.
-    pub octree: Option<Leaves<'a>>,
-}
 
 /// What shapes the march beside the scene.
 #[derive(Clone, Copy, Debug)]
@@ -70,26 +33,6 @@ pub struct Settings {
     pub preintegrated: bool,
 }
 
-/// What one channel has in a brick.
-#[derive(Clone, Copy)]
-struct Found {
-    has: Has,
-    /// Of the brick itself, whatever stands in for it.
-    state: u32,
-    /// How many levels coarser what it has is, per axis.
-    shift: [u32; 3],
-}
-
-#[derive(Clone, Copy)]
-enum Has {
-    Nothing,
-    Constant(f32),
-    /// The texel of the cell 0 of the brick's level, less 1.
-    Slot {
-        origin: [i32; 3],
-    },
-}
-
 /// Samples that lie in one brick, and what the channels have there.
 struct Run {
     /// Samples that are taken, bit by bit.
@@ -99,31 +42,6 @@ struct Run {
 
 /// Runs that are looked up before any of them is sampled.
 const RUNS: usize = 4;
-
-/// Marks what a ray that waits at a place needs of these channels; true where it has to wait.
-pub fn mark_place(cache: &mut Cache, scene: &Scene, round: u32, place: u32, met: u32) -> bool {
-    let mut waits = false;
-    let channels = if scene.octree.is_some() { met >> MET_CHANNELS_SHIFT } else { u32::MAX };
-    for at in each_bit(channels).take_while(|at| (*at as usize) < scene.channels.len()) {
-        let channel = &scene.channels[at as usize];
-        let entry = channel.entry_first + place * channel.channels + channel.channel;
-        let value = cache.page_table[entry as usize];
-        match value >> ENTRY_STATE_SHIFT {
-            ENTRY_MAPPED => {
-                let slot = (channel.slot_first + (value & ENTRY_PAYLOAD_MASK)) as usize;
-                cache.slot_used[slot] = round;
-                cache.slot_needed[slot] = round;
-            }
-            ENTRY_UNMAPPED => {
-                cache.wished[(entry >> 5) as usize] |= 1 << (entry & 31);
-                waits = true;
-            }
-            ENTRY_EXPECTED => waits = true,
-            _ => {}
-        }
-    }
-    waits
-}
 
 /// Takes up to `blocks_left` blocks of samples of one ray in one level; gives the place whose brick is
 /// not there, if that stops it.
@@ -350,65 +268,6 @@ fn cell_in_level(
         within[axis] = place - cell;
     }
     (corner, within)
-}
-
-fn entry_of(scene: &Scene, channel: &Channel, level: usize, brick: [i32; 3]) -> usize {
-    let place = place_of_brick(&scene.levels[level], brick);
-    (channel.entry_first + place * channel.channels + channel.channel) as usize
-}
-
-fn look_up(
-    cache: &mut Cache,
-    scene: &Scene,
-    channel: &Channel,
-    (level, brick): (usize, [i32; 3]),
-    round: u32,
-) -> Found {
-    let value = cache.page_table[entry_of(scene, channel, level, brick)];
-    let (state, payload) = (value >> ENTRY_STATE_SHIFT, value & ENTRY_PAYLOAD_MASK);
-    let has = match state {
-        ENTRY_MAPPED => {
-            cache.slot_used[(channel.slot_first + payload) as usize] = round;
-            let [across, down] = channel.slots_across;
-            let row = payload / across;
-            let slot = [payload % across, row % down, row / down].map(|at| at as i32);
-            let origin =
-                std::array::from_fn(|a| slot[a] * scene.slot[a] - brick[a] * scene.payload[a]);
-            Has::Slot { origin }
-        }
-        ENTRY_CONSTANT => Has::Constant(scene.constants[payload as usize][3]),
-        _ => Has::Nothing,
-    };
-    Found { has, state, shift: [0; 3] }
-}
-
-/// As [`look_up`], but with what the finest coarser level has where the brick is not there; a brick that
-/// nobody has asked for is wished for, as urgently as `weight` says.
-fn substitute(
-    cache: &mut Cache,
-    scene: &Scene,
-    channel: &Channel,
-    (level, brick): (usize, [i32; 3]),
-    round: u32,
-    weight: u32,
-) -> Found {
-    let mut found = look_up(cache, scene, channel, (level, brick), round);
-    let missed = found.state;
-    if missed == ENTRY_UNMAPPED {
-        let entry = entry_of(scene, channel, level, brick);
-        cache.wished[entry >> 5] |= 1 << (entry & 31);
-        cache.wish_weight[entry] += weight;
-    }
-    for coarser in level + 1..scene.levels.len() {
-        if found.state > ENTRY_EXPECTED && found.state != ENTRY_FAILED {
-            break;
-        }
-        let halvings = [coarser, level].map(|level| scene.levels[level].halvings);
-        let shift: [u32; 3] = std::array::from_fn(|a| halvings[0][a] - halvings[1][a]);
-        let above = std::array::from_fn(|a| brick[a] >> shift[a]);
-        found = Found { shift, ..look_up(cache, scene, channel, (coarser, above), round) };
-    }
-    Found { state: missed, ..found }
 }
 
 fn classified_or_nothing(segments: &[TransferSegment], texel: f32) -> [f32; 4] {

@@ -3,7 +3,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::twins::brick_march::{Scene, Settings, march_bricks as march_ray, mark_place};
+use crate::twins::brick_look_up::{Scene, mark_place};
+use crate::twins::brick_march::{Settings, march_bricks as march_ray};
 use crate::twins::cache::{Cache, Progress};
 use crate::twins::limits::{PLACE_ENDED, PLACE_RUNNING};
 use crate::twins::ranks::rank_of_place;

@@ -5,6 +5,7 @@
 //! `reference/` can tell.
 
 pub mod bits;
+pub mod brick_look_up;
 pub mod brick_march;
 pub mod cache;
 pub mod cast;
@@ -14,6 +15,7 @@ pub mod count;
 pub mod exponential;
 pub mod filter;
 pub mod fixed_point;
+pub mod forget;
 pub mod grant;
 pub mod limits;
 pub mod macrocells;

@@ -5,7 +5,7 @@ use ashfall::passes::brick_shape::{AtlasShape, BrickShape};
 use ashfall::passes::cache_buffers::{RankOrder, RankShape};
 use ashfall::passes::march_shape::{ChannelShape, FilterShape, MacrocellUse, Shape};
 use ashfall::render::open_both_ends;
-use ashfall::twins::brick_march::{Channel, Scene};
+use ashfall::twins::brick_look_up::{Channel, Scene};
 use ashfall::twins::filter::Texels;
 use ashfall::twins::ranks::LevelView;
 use ashfall::twins::ray_march;
@@ -36,6 +36,8 @@ pub struct Spec {
     pub holes: bool,
     pub segments: u32,
     pub preintegrated: bool,
+    /// Level that each channel is drawn at where rays are in a finer one; of those that are not listed 0.
+    pub finest: &'static [u32],
 }
 
 /// What a ray leaves out.
@@ -131,7 +133,7 @@ impl BrickScene {
         let leaf_words = LeafWords::new(
             &levels,
             spec.payload,
-            places.len(),
+            (places.len(), spec.finest),
             VISIBLE,
             |level, channel, start, end| {
                 let at = level.checked_sub(spec.level)?;
@@ -241,6 +243,7 @@ impl BrickScene {
                     false => RankOrder::Guarded,
                 },
             },
+            finest: self.spec.finest.to_vec(),
             several_levels: self.spec.levels > 1,
             views: 1,
             skipping: skipping == Skipping::Bricks,
@@ -298,6 +301,7 @@ impl BrickScene {
                 slots_across: [self.slots_across[0], self.slots_across[1]],
                 atlas: Texels { size: self.atlas_size(), texels: &self.texels[*atlas] },
                 segments: &self.segments[index],
+                finest: self.spec.finest.get(index).copied().unwrap_or(0),
             }
         };
         let channels: Vec<_> = self.places.iter().enumerate().map(channel).collect();

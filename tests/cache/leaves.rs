@@ -18,12 +18,12 @@ pub struct LeafWords {
 }
 
 impl LeafWords {
-    /// Of `channels` channels; `of_box` says which values lie in a box of voxels, ends excluded, of a level
+    /// Of `channels` channels, drawn at levels `finest` where rays are in finer ones; `of_box` says which values lie in a box of voxels, ends excluded, of a level
     /// and channel, and nothing where no voxels are.
     pub fn new(
         levels: &Levels,
         payload: [u32; 3],
-        channels: usize,
+        (channels, finest): (usize, &[u32]),
         visible: f32,
         of_box: impl Fn(usize, usize, [i64; 3], [i64; 3]) -> Option<ValueRange>,
     ) -> LeafWords {
@@ -48,8 +48,11 @@ impl LeafWords {
             }
         }
         let shows = |range: ValueRange| range.greatest >= visible;
-        let shown: Vec<_> =
-            ranges.iter().map(|ranges| Shown { ranges, shows: &shows, levels: [0, 31] }).collect();
+        let shown = |(at, ranges)| {
+            let finest = finest.get(at).map_or(0, |finest| *finest as usize);
+            Shown { ranges, shows: &shows, levels: [finest, 31] }
+        };
+        let shown: Vec<_> = ranges.iter().enumerate().map(shown).collect();
         let unknown = Words::unknown(&shape, channels);
         let mut known = unknown.clone();
         for (level, tree) in shape.trees.iter().enumerate() {

@@ -30,13 +30,11 @@ pub struct Model {
     pub plan: Plan,
     pub shape: Arc<Shape>,
     pub judges: Vec<Judge>,
+    /// Numbers in the source, all odd.
+    pub in_source: Vec<u16>,
     levels: Vec<[usize; 2]>,
     /// By channel, level and brick, x fastest.
     pub known: Vec<Vec<Vec<Known>>>,
-}
-
-pub fn in_source(channel: usize) -> u16 {
-    2 * channel as u16 + 1
 }
 
 fn index([nx, ny, _]: [u32; 3], [x, y, z]: [u32; 3]) -> usize {
@@ -104,6 +102,7 @@ impl Model {
         let nothing: Vec<_> = (0..shape.trees.len()).map(of_level).collect();
         Model {
             judges: plan.channels.iter().map(|_| judge(plan.format, random)).collect(),
+            in_source: (0..plan.channels.len() as u16).map(|channel| 2 * channel + 1).collect(),
             levels: plan.channels.to_vec(),
             known: vec![nothing; plan.channels.len()],
             plan,
@@ -112,13 +111,36 @@ impl Model {
     }
 
     pub fn leaf_words(&self) -> LeafWords {
+        LeafWords::new(Arc::clone(&self.shape), self.leaf_channels())
+    }
+
+    pub fn leaf_channels(&self) -> Vec<LeafChannel> {
         let channel = |(at, judge): (usize, &Judge)| LeafChannel {
-            in_source: in_source(at),
+            in_source: self.in_source[at],
             judge: judge.clone(),
             levels: self.levels[at],
         };
-        let channels = self.judges.iter().enumerate().map(channel).collect();
-        LeafWords::new(Arc::clone(&self.shape), channels)
+        self.judges.iter().enumerate().map(channel).collect()
+    }
+
+    /// The channel of the scene that this one of the source is.
+    pub fn shown(&self, in_source: u16) -> Option<usize> {
+        self.in_source.iter().position(|shown| *shown == in_source)
+    }
+
+    /// Another channel takes the place of one, or the same is shown otherwise.
+    pub fn change(&mut self, channel: usize, random: &mut Random) {
+        if random.once_in(2) {
+            // As many as there are places, so that one comes back now and then.
+            let count = self.in_source.len() as u16;
+            let one = channel as u16 + count * random.below(3) as u16;
+            self.in_source[channel] = 2 * one + 1;
+            self.known[channel].iter_mut().flatten().for_each(|known| *known = Known::Nothing);
+        }
+        self.judges[channel] = judge(self.plan.format, random);
+        if random.once_in(3) {
+            self.levels[channel] = [random.index(4), random.index(4)];
+        }
     }
 
     pub fn known(&mut self, channel: usize, id: BrickId) -> Option<&mut Known> {

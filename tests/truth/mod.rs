@@ -57,7 +57,8 @@ pub fn transfer(points: &[(f64, [f64; 3], f64)]) -> TransferFunction {
 /// A scene volume with one channel per window and transfer function.
 pub fn volume(channels: &[([f64; 2], TransferFunction)]) -> scene::Volume {
     let channel = |(index, (window, transfer)): (usize, &([f64; 2], TransferFunction))| {
-        scene::Channel { index: index as u32, window: *window, transfer: transfer.clone() }
+        let (index, transfer) = (index as u32, transfer.clone());
+        scene::Channel { index, window: *window, transfer, level_min: 0, level_max: None }
     };
     scene::Volume {
         name: "test".to_owned(),

@@ -14,7 +14,7 @@ use crate::gpu::Gpu;
 use crate::study::stability::suite::{Choice, run as draw};
 
 /// Flags of a study of one scene, which a suite does not take.
-pub(super) const OF_A_SCENE: [&str; 49] = [
+pub(super) const OF_A_SCENE: [&str; 50] = [
     "scene",
     "raw_size",
     "raw_type",
@@ -31,6 +31,7 @@ pub(super) const OF_A_SCENE: [&str; 49] = [
     "filter",
     "refine",
     "level_max",
+    "level_loss",
     "early_stop",
     "atlas_mib",
     "ram_mib",

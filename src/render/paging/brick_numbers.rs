@@ -106,6 +106,13 @@ impl BrickNumbers {
         }
     }
 
+    /// Whether an entry is of the channel that has this place.
+    pub fn is_of(&self, place: &ChannelPlace, entry: u32) -> bool {
+        let (first, channels, count) = self.atlas(place.atlas);
+        let at = entry.checked_sub(first).filter(|at| *at < count);
+        at.is_some_and(|at| at % channels == place.in_atlas)
+    }
+
     /// The atlas of a brick's channel.
     pub fn atlas_of(&self, id: BrickId) -> usize {
         let channel = self.channels.iter().find(|channel| channel.in_source == id.channel);

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 use crate::error::Error;
 use crate::loading::{Block, Wish};
-use crate::render::paging::brick_numbers::BrickNumbers;
+use crate::render::paging::brick_numbers::{BrickNumbers, ChannelPlace};
 use crate::render::paging::visibility::{Judge, Shows};
 use crate::residency::Report;
 use crate::source::{BrickEntry, BrickSource};
@@ -205,6 +205,10 @@ impl HostCache {
                 self.set_entry(number, value);
             }
         }
+        // Of a channel that is not shown any more nothing is kept.
+        if !self.judges.contains_key(&block.channel) {
+            return;
+        }
         if self.surveyed.insert(block, travels).is_some_and(|known| known.is_empty()) {
             self.surveys_pending -= 1;
         }
@@ -402,6 +406,53 @@ impl HostCache {
                 self.set_entry(number, entry(ENTRY_UNMAPPED, 0));
             }
         }
+    }
+
+    /// Another channel of the source has the place of this one from now on, or, with `keep`, another
+    /// transfer function says what of it shows: what the device holds of it is forgotten there too, but
+    /// with `keep` the bricks that are there or on their way. Nothing may be staged.
+    pub fn forget_channel(&mut self, in_source: u16, keep: bool) {
+        let of_channel = |of: &&ChannelPlace| of.in_source == in_source;
+        let Some(place) = self.numbers.channels.iter().find(of_channel).copied() else { return };
+        let stays = |id: &BrickId| id.channel != in_source;
+        self.updates.retain(|number, update| {
+            if !self.numbers.is_of(&place, *number) {
+                return true;
+            }
+            // Copied and not published: the slot is still the host's.
+            let arrived = update.slot != OWNER_FREE;
+            if arrived && !keep {
+                self.pool[place.atlas].push(update.slot);
+            }
+            arrived && keep
+        });
+        if !keep {
+            self.bound.retain(|id, bound| {
+                if !stays(id) {
+                    self.pool[place.atlas].push(bound.slot);
+                }
+                stays(id)
+            });
+            self.floor.retain(stays);
+        }
+        self.surveyed.retain(|block, known| {
+            let stays = block.channel != in_source;
+            self.surveys_pending -= usize::from(!stays && known.is_empty());
+            stays
+        });
+        self.surveyed_in_part.retain(|block| block.channel != in_source);
+        self.failed.retain(|id, _| stays(id));
+        self.wanted.clear();
+    }
+
+    /// From now on channels have these numbers, judges say what shows of them, and `held` is loaded first;
+    /// what stood in the places of others is forgotten, [`HostCache::forget_channel`].
+    pub fn show(&mut self, numbers: BrickNumbers, judges: HashMap<u16, Judge>, held: Vec<BrickId>) {
+        let shown_before = std::mem::replace(&mut self.judges, judges);
+        let newly = |id: &&BrickId| !shown_before.contains_key(&id.channel);
+        self.floor.extend(held.iter().filter(newly));
+        self.numbers = numbers;
+        self.held = held;
     }
 
     /// The source changed and the device was cleared: nothing is known, nothing held.

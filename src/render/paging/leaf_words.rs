@@ -12,7 +12,6 @@
 //! docs/OCTREE.md.
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -92,7 +91,7 @@ impl LeafWords {
             ranges: Ranges::unknown(Coding::of(judge.format), shape.nodes()),
             learned: vec![0; bricks.div_ceil(64)],
             memo: Memo::default(),
-            levels: [levels[0].min(levels[1]), levels[1]].map(|level| level.min(last)),
+            levels: bounded(levels, last),
             in_source,
             judge,
         };
@@ -125,32 +124,46 @@ impl LeafWords {
         self.bits
     }
 
-    /// What loaders do with a brick that they have read, for [`LeafWords::take_brick`]. Of a channel that the
-    /// scene does not show nothing is learned.
-    pub fn inspect(&self) -> Inspect {
-        let formats: BTreeMap<u16, VoxelFormat> =
-            self.channels.iter().map(|of| (of.in_source, of.judge.format)).collect();
+    /// What loaders do with a brick that they have read, for [`LeafWords::take_brick`]; `formats` of all
+    /// channels of the source, any of which may be shown later.
+    pub fn inspect(&self, formats: Vec<VoxelFormat>) -> Inspect {
         let shape = Arc::clone(&self.shape);
-        Arc::new(move |id, bytes| {
-            let (Some(format), true) = (formats.get(&id.channel), has_brick(&shape, id)) else {
-                return Vec::new();
-            };
-            let level = usize::from(id.level);
-            let grid = BrickGrid {
-                size: Size3::from_array(shape.sizes[level]),
-                payload: Size3::from_array(shape.payload),
-            };
-            let size = grid.stored_size([id.x, id.y, id.z]);
-            let mut voxels = Voxels::from_bytes(*format, bytes);
-            if size.len() != Some(voxels.len()) {
-                return Vec::new();
-            }
-            if let Voxels::F32(values) = &mut voxels {
-                // As they are drawn; the infinities themselves are what no value is above.
-                values.iter_mut().for_each(|value| *value = sanitized(*value));
-            }
-            leaf_ranges(&voxels, size, shape.leaf_edges(level))
+        Arc::new(move |id, bytes| match formats.get(usize::from(id.channel)) {
+            Some(format) => ranges_of_brick(&shape, *format, id, bytes),
+            None => Vec::new(),
         })
+    }
+
+    /// The same of a brick from the RAM cache, unless its leaves are known: those of a channel that was not
+    /// shown for a while are not.
+    pub fn take_cached(&mut self, id: BrickId, bytes: &[u8]) {
+        let known = |at: &usize| has_brick(&self.shape, id) && self.is_learned(*at, id);
+        let unknown = self.channels_of(id.channel).into_iter().find(|at| !known(at));
+        if let Some(at) = unknown {
+            let ranges = ranges_of_brick(&self.shape, self.channels[at].judge.format, id, bytes);
+            self.take_brick(id, &ranges);
+        }
+    }
+
+    /// Shows other channels, as many as before, or the same ones otherwise. Of one that another had the place
+    /// of nothing is known.
+    pub fn show(&mut self, channels: Vec<LeafChannel>) {
+        let last = self.shape.trees.len().saturating_sub(1);
+        for (channel, next) in self.channels.iter_mut().zip(channels) {
+            if channel.in_source != next.in_source {
+                let coding = Coding::of(next.judge.format);
+                channel.ranges = Ranges::unknown(coding, self.shape.nodes());
+                channel.learned.fill(0);
+                channel.in_source = next.in_source;
+            }
+            channel.judge = next.judge;
+            channel.levels = bounded(next.levels, last);
+            channel.memo = Memo::default();
+        }
+        for level in 0..self.shape.trees.len() {
+            let leaves = Nodes::all(self.shape.lowest(&self.shape.trees[level]));
+            self.update_words(level, leaves);
+        }
     }
 
     /// Learns what the source knows of bricks without reading them: their leaves have at most the brick's
@@ -321,12 +334,17 @@ impl LeafWords {
         leaves: Nodes,
         of: impl Fn([u32; 3]) -> Option<ValueRange>,
     ) {
-        let LeafWords { shape, channels, words, work, .. } = self;
+        let LeafWords { shape, channels, work, .. } = self;
         let ranges = &mut channels[at].ranges;
         let changed = update_some_ranges(shape, level, ranges, leaves, of, &mut work.ranges);
-        if changed.is_empty() {
-            return;
+        if !changed.is_empty() {
+            self.update_words(level, changed);
         }
+    }
+
+    /// Makes words right again where ranges of these leaves, or what shows of them, have changed.
+    fn update_words(&mut self, level: usize, leaves: Nodes) {
+        let LeafWords { shape, channels, words, work, .. } = self;
         let take = |channel: &mut Channel| RefCell::new(std::mem::take(&mut channel.memo));
         let memos: Vec<RefCell<Memo>> = channels.iter_mut().map(take).collect();
         let shows: Vec<_> = channels
@@ -343,7 +361,7 @@ impl LeafWords {
                 levels: channel.levels,
             })
             .collect();
-        work.words_changed += words.update(shape, &shown, level, changed, &mut work.words);
+        work.words_changed += words.update(shape, &shown, level, leaves, &mut work.words);
         for (channel, memo) in channels.iter_mut().zip(memos) {
             channel.memo = memo.into_inner();
         }
@@ -423,6 +441,38 @@ fn brick_range(entry: &BrickEntry, format: VoxelFormat) -> ValueRange {
         (BrickEntry::Stored { .. }, VoxelFormat::F32 | VoxelFormat::Rgba8) => not_one_value(range),
         _ => range,
     }
+}
+
+/// Levels that there are, the least of them no greater than the greatest.
+fn bounded(levels: [usize; 2], last: usize) -> [usize; 2] {
+    [levels[0].min(levels[1]), levels[1]].map(|level| level.min(last))
+}
+
+/// Ranges of a brick's leaves; none where the bytes are not this brick's.
+fn ranges_of_brick(
+    shape: &Shape,
+    format: VoxelFormat,
+    id: BrickId,
+    bytes: &[u8],
+) -> Vec<ValueRange> {
+    if !has_brick(shape, id) {
+        return Vec::new();
+    }
+    let level = usize::from(id.level);
+    let grid = BrickGrid {
+        size: Size3::from_array(shape.sizes[level]),
+        payload: Size3::from_array(shape.payload),
+    };
+    let size = grid.stored_size([id.x, id.y, id.z]);
+    let mut voxels = Voxels::from_bytes(format, bytes);
+    if size.len() != Some(voxels.len()) {
+        return Vec::new();
+    }
+    if let Voxels::F32(values) = &mut voxels {
+        // As they are drawn; the infinities themselves are what no value is above.
+        values.iter_mut().for_each(|value| *value = sanitized(*value));
+    }
+    leaf_ranges(&voxels, size, shape.leaf_edges(level))
 }
 
 fn has_brick(shape: &Shape, id: BrickId) -> bool {

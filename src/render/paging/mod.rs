@@ -1,13 +1,15 @@
 //! Drawing through an atlas that holds a part of the volume: the paging loop's host side.
 //!
 //! `plan.rs` says what it takes, `paged.rs` holds the objects, `rounds.rs` turns the loop, `round.rs` submits one turn of it, `host_cache.rs`
-//! keeps the books, `leaf_words.rs` those of the residency octree.
+//! keeps the books, `leaf_words.rs` those of the residency octree. `change.rs` goes from one scene to another.
 //!
 //! # Source
 //! DESIGN section 5.
 
 mod brick_numbers;
 mod brick_texels;
+mod change;
+mod channel_levels;
 mod host_cache;
 mod leaf_words;
 mod paged;

@@ -12,7 +12,7 @@ use crate::passes::march_bricks::{OctreeBuffers, RayBuffers};
 use crate::render::frame::Tile;
 use crate::render::paging::brick_texels::write_texels;
 use crate::render::paging::host_cache::HostCache;
-use crate::render::paging::leaf_words::{LeafChannel, LeafWords};
+use crate::render::paging::leaf_words::LeafWords;
 use crate::render::paging::placing::{Placing, slots_by_atlas};
 use crate::render::paging::plan::PagingPlan;
 use crate::render::paging::settings::{CopyPath, Traversal};
@@ -23,6 +23,7 @@ use crate::render::statistics::Statistics;
 use crate::residency::Residency;
 use crate::source::{BrickSource, Description};
 use crate::trace::Trace;
+use crate::twins;
 use crate::twins::octree_ranges::Coding;
 use crate::twins::place::Placement;
 use crate::volume::BrickId;
@@ -61,6 +62,10 @@ pub struct Paged {
     /// Of the source, as the renderer counts it.
     pub epoch: u64,
     copy_ms_before: f64,
+    /// The pass that forgets a channel, once some channel was.
+    pub forget: Option<Arc<ComputePipeline>>,
+    /// What it has to forget before the next round.
+    pub forgotten: Vec<twins::forget::Push>,
     /// Slots that rays may read, for the simulation of two queues.
     pub readable: std::collections::BTreeSet<u32>,
     pub trace: Option<Arc<Trace>>,
@@ -113,19 +118,13 @@ impl Paged {
         let octree = match &plan.octree {
             None => None,
             Some(octree) => {
-                let channel = |in_source: &u16| LeafChannel {
-                    in_source: *in_source,
-                    judge: plan.judges[in_source].clone(),
-                    levels: [0, octree.trees.len() - 1],
-                };
-                let channels = data.volumes[0].channels.iter().map(channel).collect();
                 let buffers = OctreeBuffers {
                     level_leaves: make("level_leaves")?,
                     leaf_words: make("leaf_words")?,
                 };
                 let leaves = octree.level_leaves();
                 buffers.level_leaves.write(0, bytemuck::cast_slice(&leaves))?;
-                Some((LeafWords::new(octree.clone(), channels), buffers))
+                Some((LeafWords::new(octree.clone(), plan.leaf_channels()), buffers))
             }
         };
         let codings: Vec<_> = plan.judges.values().map(|judge| Coding::of(judge.format)).collect();
@@ -142,7 +141,10 @@ impl Paged {
             plan.residency.atlases.iter().map(|atlas| atlas.shape.slot_first).collect();
         let description = source.description().clone();
         let mut loading = match &octree {
-            Some((words, _)) => Loading::inspecting(vec![source], limits, words.inspect())?,
+            Some((words, _)) => {
+                let formats = description.channels.iter().map(|of| of.format).collect();
+                Loading::inspecting(vec![source], limits, words.inspect(formats))?
+            }
             None => Loading::new(vec![source], limits)?,
         };
         trace.into_iter().for_each(|_| loading.keep_jobs());
@@ -194,6 +196,8 @@ impl Paged {
             granted_at: None,
             epoch: 0,
             copy_ms_before: 0.0,
+            forget: None,
+            forgotten: Vec::new(),
             readable: std::collections::BTreeSet::new(),
             trace: trace.cloned(),
         })
@@ -307,9 +311,8 @@ impl Paged {
         match delivery {
             Delivery::Surveyed { entries, .. } => words.take_survey(entries),
             Delivery::Failed { id, .. } => words.failed(*id),
-            Delivery::Brick { id, leaf_ranges, .. } => {
-                leaf_ranges.iter().for_each(|ranges| words.take_brick(*id, ranges));
-            }
+            Delivery::Brick { id, leaf_ranges: Some(ranges), .. } => words.take_brick(*id, ranges),
+            Delivery::Brick { id, bytes, .. } => words.take_cached(*id, bytes),
         }
     }
 

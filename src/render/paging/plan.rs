@@ -12,6 +12,7 @@ use crate::passes::march_shape::{ChannelShape, MacrocellUse, Shape};
 use crate::passes::{place, rays, resolve};
 use crate::render::image_layout::{Layout, TexelLayout};
 use crate::render::paging::brick_numbers::{BrickNumbers, ChannelPlace};
+use crate::render::paging::channel_levels::finest_level;
 use crate::render::paging::host_cache::CONSTANTS_MAX;
 use crate::render::paging::leaf_words::LeafWords;
 use crate::render::paging::placing::Placing;
@@ -59,6 +60,8 @@ pub struct PagingPlan {
     pub layout: PlannedLayout,
     /// By channel of the source.
     pub judges: HashMap<u16, Judge>,
+    /// For each channel of the scene the level that it is drawn at where rays are in a finer one.
+    pub finest: Vec<u8>,
     /// Transfer functions of all channels.
     pub segments: Vec<TransferSegment>,
     /// Atlas, page table, lists.
@@ -128,10 +131,24 @@ impl PagingPlan {
         let stored = atlases.plans.iter().all(|atlas| atlas.layout.spec.stored);
         let copy_path = if stored { CopyPath::Placed } else { CopyPath::Straight };
         let world_from_voxel = data.world_from_voxel(0);
+        let substitute = scene.quality.refine == Refine::Substitute;
+        let finest: Vec<u8> = volume
+            .channels
+            .iter()
+            .zip(&source.channels)
+            .map(|(channel, of)| {
+                finest_level(&*source.source, *of, channel, &judges[of], &scene.quality)
+            })
+            .collect();
+        if !substitute && (scene.quality.level_loss.is_some() || finest.iter().any(|of| *of > 0)) {
+            return Err(volume.place.error("level_min of a channel and level_loss need refine \"substitute\": set it, or leave them out".to_owned()));
+        }
+        // No coarser than any channel allows, and no finer than all do.
+        let bounds = volume.channels.iter().filter_map(|channel| channel.level_max);
         let levels = LevelChoice {
             step: scene.quality.sample_edges(),
-            level_min: settings.level_min,
-            level_max: scene.quality.level_max,
+            level_min: finest.iter().copied().min().unwrap_or(0).max(settings.level_min),
+            level_max: bounds.chain(scene.quality.level_max).min(),
             shift: settings.level_shift,
         };
         if preintegrated {
@@ -145,7 +162,6 @@ impl PagingPlan {
                 ViewLevels::new(view, size, description, &world_from_voxel, &numbers, levels)
             })
             .collect();
-        let substitute = scene.quality.refine == Refine::Substitute;
         if settings.paging.traversal == Traversal::Octree {
             if substitute {
                 return Err(volume.place.error("traversal octree, which is here to compare with, only refines exactly: set refine = \"exact\" or traversal residency-octree".to_owned()));
@@ -175,7 +191,8 @@ impl PagingPlan {
         let slot = atlases.plans[0].layout.slot;
         let mut residency = ResidencyShape {
             ranks,
-            rank_count: views.iter().map(|view| view.ranks).max().unwrap_or(1),
+            // For any view.
+            rank_count: ranks_max(&numbers, description.levels.count()),
             grants_max: slots_max.min(LIST_MAX),
             requests_max: (slots_max * 2).min(LIST_MAX),
             updates_max: UPDATES_MAX,
@@ -201,6 +218,7 @@ impl PagingPlan {
             places,
             atlases: residency.atlases.iter().map(|atlas| atlas.shape).collect(),
             ranks,
+            finest: finest_of_rays(&finest, &views),
             several_levels: views.iter().any(ViewLevels::several),
             views: scene.views.len(),
             skipping: settings.skipping,
@@ -227,6 +245,7 @@ impl PagingPlan {
             layouts: texel_layouts,
             layout,
             judges,
+            finest,
             segments,
             residency,
             octree,
@@ -339,6 +358,18 @@ fn octree(
     let leaf = if traversal == Traversal::Octree { description.payload.to_array() } else { leaf };
     let wanted = Wanted { leaf, fan_out, nodes_max };
     Octree::new(&description.levels, description.payload, &wanted).map(Arc::new)
+}
+
+/// The channels' levels where they are coarser than some level that rays are in; else 0.
+fn finest_of_rays(finest: &[u8], views: &[ViewLevels]) -> Vec<u32> {
+    let of_rays = views.iter().map(|view| view.in_use[0]).min().unwrap_or(0);
+    let of = |finest: &u8| if u32::from(*finest) > of_rays { u32::from(*finest) } else { 0 };
+    finest.iter().map(of).collect()
+}
+
+/// Ranks of any view, at most: bricks from the first to the farthest along each axis, level by level.
+fn ranks_max(numbers: &BrickNumbers, levels: usize) -> u32 {
+    (0..levels).map(|level| numbers.bricks(level).iter().sum::<u32>()).sum()
 }
 
 /// The coarsest levels that together take an eighth of every atlas at most: the floor.

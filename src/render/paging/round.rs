@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::gpu::{Record, SlotEvent, Submitted, TimePoint};
-use crate::passes::{march_bricks, rays};
+use crate::passes::{forget, march_bricks, rays};
 use crate::render::frame::Tile;
 use crate::render::paging::paged::Paged;
 use crate::render::paging::traversal_choice::Way;
@@ -62,6 +62,7 @@ impl Renderer {
             (Some(Way::Octree), Some((march, _))) => march.clone(),
             _ => paged.march.clone(),
         };
+        let forgotten = std::mem::take(&mut paged.forgotten);
         let mut point = None;
         for first in (0..dispatches).step_by(DISPATCHES_PER_SUBMIT as usize) {
             let last = dispatches.min(first + DISPATCHES_PER_SUBMIT);
@@ -69,6 +70,12 @@ impl Renderer {
             if first == 0 {
                 if !paged.cleared {
                     paged.residency.clear(&mut recorder);
+                }
+                // A cleared page table has forgotten everything.
+                if let Some(pipeline) = paged.forget.as_ref().filter(|_| paged.cleared) {
+                    let cache = paged.residency.buffers();
+                    let push = |push| forget::record(&mut recorder, pipeline, cache, push);
+                    forgotten.iter().for_each(push);
                 }
                 if round.forget {
                     paged.residency.forget_touched(&mut recorder);

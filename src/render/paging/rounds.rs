@@ -26,7 +26,8 @@ const RECOVERIES_MAX: u32 = 3;
 /// How long the host waits for deliveries at a time while the device works.
 const GLANCE: Duration = Duration::from_micros(200);
 
-/// Draws a tile of a view through the atlas; its pixels and samples are then in the buffers.
+/// Draws a tile of a view through the atlas; its pixels and samples are then in the buffers. False: another
+/// scene has been left for the renderer, and they are not.
 pub fn draw(
     renderer: &Renderer,
     paged: &mut Paged,
@@ -34,7 +35,7 @@ pub fn draw(
     statistics: &mut Statistics,
     records: &mut Vec<Record>,
     (progress, watch): (&mut dyn FnMut(f64), Option<&mut Watch>),
-) -> Result<()> {
+) -> Result<bool> {
     let mut rounds = Rounds {
         renderer,
         paged,
@@ -52,13 +53,16 @@ pub fn draw(
     };
     let marched_before = rounds.statistics.gpu_ms_of("march_bricks");
     let rounds_before = rounds.statistics.rounds;
-    rounds.turn(progress)?;
+    if !rounds.turn(progress)? {
+        return Ok(false);
+    }
     let marched_ms = rounds.statistics.gpu_ms_of("march_bricks") - marched_before;
     let one_round = rounds.statistics.rounds - rounds_before == 1;
     rounds.paged.tell_marched(tile, marched_ms, one_round);
     let _span = renderer.span("resolve");
     let submitted = renderer.submit_resolve(rounds.paged, tile)?;
-    rounds.ended(submitted)
+    rounds.ended(submitted)?;
+    Ok(true)
 }
 
 /// A whole picture while it is refined by substitution.
@@ -111,13 +115,17 @@ struct Rounds<'a, 'w> {
 }
 
 impl Rounds<'_, '_> {
-    fn turn(&mut self, progress: &mut dyn FnMut(f64)) -> Result<()> {
+    /// False: another scene waits to be taken up.
+    fn turn(&mut self, progress: &mut dyn FnMut(f64)) -> Result<bool> {
         let plan = &self.renderer.plan;
         let substitute = self.substitute();
         self.paged.look_through(self.tile.view as usize)?;
         let mut first = true;
         let mut recoveries = 0;
         loop {
+            if self.renderer.next_scene.is_left() {
+                return Ok(false);
+            }
             if self.renderer.epoch.load(Ordering::Acquire) != self.paged.epoch {
                 self.paged.epoch = self.renderer.epoch.load(Ordering::Acquire);
                 self.paged.new_epoch(&self.renderer.gpu)?;
@@ -147,7 +155,7 @@ impl Rounds<'_, '_> {
             }
             if self.is_finished(&report, substitute) {
                 if recoveries == RECOVERIES_MAX || !self.source_recovers()? {
-                    return Ok(());
+                    return Ok(true);
                 }
                 recoveries += 1;
                 self.begin_anew();
@@ -166,7 +174,7 @@ impl Rounds<'_, '_> {
                 self.take_deliveries(Duration::from_millis(2))?;
             }
             if self.stands_still(&report) {
-                return Ok(());
+                return Ok(true);
             }
         }
     }

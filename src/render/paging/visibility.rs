@@ -20,7 +20,7 @@ pub enum Shows {
 }
 
 /// A channel as bricks are judged by.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Judge {
     /// Of its voxels.
     pub format: VoxelFormat,
