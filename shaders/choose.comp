@@ -78,9 +78,10 @@ void main() {
     // Wishes of the first rank may take slots of later ranks; others only slots that nobody needs,
     // and of those not so many that the next first rank would have to take them back.
     uint dead = tally.dead;
-    uint nearest = min(first_wishes, dead + live_above_first);
+    uint nearest = min(first_wishes - min(first_wishes, cache.held), dead + live_above_first);
+    uint wanted = tally.wished - min(tally.wished, cache.held);
     uint room = cache.live_max > tally.live ? min(dead, cache.live_max - tally.live) : 0u;
-    uint grants = min(max(nearest, min(tally.wished, room)), cache.grants_max);
+    uint grants = min(max(nearest, min(wanted, room)), cache.grants_max);
     uint dead_grants = min(grants, dead);
     uint live_grants = grants - dead_grants;
     // From the farthest rank on, until there are enough.

@@ -158,7 +158,7 @@ fn push(shader: &str) -> Host {
             slot_first,
             slot_count,
             keep,
-            unused_0,
+            round,
         }),
         "publish" => host!(twins::publish::Push { update_count }),
         "tally" | "choose" | "count" | "scan" | "grant" => host!(CacheRound {
@@ -176,6 +176,7 @@ fn push(shader: &str) -> Host {
             request_first,
             atlas,
             live_max,
+            held,
         }),
         "octree_resident" => {
             host!(twins::octree_resident::Push { first_change, change_count, level_count })

@@ -7,10 +7,14 @@ mod binary;
 mod common;
 mod folder;
 
+#[path = "paging/channel_levels.rs"]
+mod channel_levels;
 #[path = "paging/epochs.rs"]
 mod epochs;
 #[path = "paging/faults.rs"]
 mod faults;
+#[path = "paging/level_borders.rs"]
+mod level_borders;
 #[path = "paging/loads_once.rs"]
 mod loads_once;
 #[path = "paging/made_volumes.rs"]

@@ -16,6 +16,7 @@ struct CacheRound {
     uint request_first;   // in the list of requests
     uint atlas;
     uint live_max;        // slots that bricks behind the nearest wish may fill
+    uint held;            // slots that the host has no brick for: as many wishes need none
 };
 
 // Wishes and slots of one atlas, before anything is chosen.

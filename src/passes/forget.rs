@@ -20,6 +20,7 @@ pub fn record<'r>(
         .compute(pipeline)
         .update("page_table", &buffers.page_table)
         .update("slot_owner", &buffers.slot_owner)
+        .write("slot_used", &buffers.slot_used)
         .push(push)
         .threads([push.places.max(push.slot_count), 1, 1]);
 }

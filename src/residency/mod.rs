@@ -58,6 +58,8 @@ pub struct Allowance {
     pub grants_max: u32,
     /// Slots that bricks behind the nearest wish may fill.
     pub live_max: u32,
+    /// Slots that the host was granted and has no brick for: as many wishes need none.
+    pub held: u32,
 }
 
 impl Residency {
@@ -218,6 +220,7 @@ impl Residency {
             let mut cache = self.shape.round_of(number, self.round, self.ranks);
             cache.grants_max = allowance.grants_max.min(cache.grants_max);
             cache.live_max = allowance.live_max;
+            cache.held = allowance.held;
             tally::record(recorder, &self.tally, buffers, &cache);
             choose::record(recorder, &self.choose, buffers, &cache);
             count::record(recorder, &self.count, buffers, self.turn, &cache);

@@ -138,6 +138,7 @@ impl ResidencyShape {
             request_first: number as u32 * self.requests_max,
             atlas: number as u32,
             live_max: layout.slot_count(),
+            held: 0,
         }
     }
 }

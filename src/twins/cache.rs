@@ -40,6 +40,8 @@ pub struct CacheRound {
     pub atlas: u32,
     /// Slots that bricks behind the nearest wish may fill.
     pub live_max: u32,
+    /// Slots that the host has no brick for: as many wishes need none.
+    pub held: u32,
 }
 
 impl CacheRound {

@@ -4,7 +4,7 @@ use crate::twins::cache::{Answer, CacheRound, Choice};
 use crate::twins::limits::RANK_NONE;
 use crate::twins::tally::Tallied;
 
-/// Wishes of the first rank may take slots of later ranks; others only slots that nobody needs, and of
+/// For as many wishes as the host has slots for none is granted. Wishes of the first rank may take slots of later ranks; others only slots that nobody needs, and of
 /// those not so many that the next first rank would have to take them back.
 pub fn choose(tallied: &Tallied, shape: &CacheRound) -> (Choice, Answer) {
     let Tallied { wishes_of_rank, live_of_rank, tallies } = tallied;
@@ -19,9 +19,10 @@ pub fn choose(tallied: &Tallied, shape: &CacheRound) -> (Choice, Answer) {
             request_cut = request_cut.max(rank as u32);
         }
     }
-    let nearest = first_wishes.min(tallies.dead + live_above);
+    let nearest = first_wishes.saturating_sub(shape.held).min(tallies.dead + live_above);
+    let wanted = tallies.wished.saturating_sub(shape.held);
     let room = tallies.dead.min(shape.live_max.saturating_sub(tallies.live));
-    let grants = nearest.max(tallies.wished.min(room)).min(shape.grants_max);
+    let grants = nearest.max(wanted.min(room)).min(shape.grants_max);
     let dead_grants = grants.min(tallies.dead);
     let live_grants = grants - dead_grants;
     let mut victim_cut = RANK_NONE;

@@ -25,11 +25,12 @@ pub struct Push {
     pub slot_count: u32,
     /// 1: the same voxels as before, bricks that are there stay.
     pub keep: u32,
-    /// Nothing.
-    pub unused_0: u32,
+    /// Counts from 1.
+    pub round: u32,
 }
 
-/// Unmaps the channel's bricks, all of them or those that have no slot.
+/// Unmaps the channel's bricks, all of them or those that have no slot. Slots of other bricks count as used,
+/// so that free ones are given away first.
 pub fn forget(cache: &mut Cache, push: &Push) {
     for place in 0..push.places {
         let entry = push.entry_first + place * push.channels + push.channel;
@@ -42,9 +43,11 @@ pub fn forget(cache: &mut Cache, push: &Push) {
         return;
     }
     for slot in push.slot_first..push.slot_first + push.slot_count {
-        let owner = &mut cache.slot_owner[slot as usize];
-        if *owner < OWNER_GRANTED && (*owner - push.entry_first) % push.channels == push.channel {
-            *owner = OWNER_FREE;
+        let (at, owner) = (slot as usize, cache.slot_owner[slot as usize]);
+        if owner < OWNER_GRANTED {
+            let forgotten = (owner - push.entry_first) % push.channels == push.channel;
+            cache.slot_owner[at] = if forgotten { OWNER_FREE } else { owner };
+            cache.slot_used[at] = if forgotten { 0 } else { push.round };
         }
     }
 }

@@ -38,7 +38,7 @@ fn run(device: &Device, seed: u64) -> Result<(), String> {
         slot_first: shape.slot_first,
         slot_count: shape.slot_count,
         keep: chance(&mut random, 0.5).into(),
-        unused_0: 0,
+        round: 1 + random.below(9) as u32,
     };
     let pipeline = device.pipeline(&variant());
     let on_device = buffers(device, &world, &cache);
@@ -46,6 +46,7 @@ fn run(device: &Device, seed: u64) -> Result<(), String> {
         record(recorder, &pipeline, &on_device, &push);
         recorder.host_read(&on_device.page_table);
         recorder.host_read(&on_device.slot_owner);
+        recorder.host_read(&on_device.slot_used);
     });
     let before = cache.clone();
     forget(&mut cache, &push);
@@ -63,6 +64,10 @@ fn run(device: &Device, seed: u64) -> Result<(), String> {
             (push.slot_first..push.slot_first + push.slot_count).contains(&(slot as u32));
         let freed = of_atlas && of_channel(*was) && push.keep == 0;
         assert_eq!(*is, if freed { OWNER_FREE } else { *was }, "slot {slot}, {push:?}");
+        let (used, holds) = (cache.slot_used[slot], *was < OWNER_GRANTED);
+        let marked = of_atlas && holds && push.keep == 0;
+        let wanted = if freed { 0 } else { push.round };
+        assert_eq!(used, if marked { wanted } else { before.slot_used[slot] }, "slot {slot}");
     }
     let got = read(device, &on_device, 0)?;
     compare(&got, &cache, !world.plan.substitute).map_err(|why| format!("seed {seed}: {why}"))
@@ -81,9 +86,10 @@ const FAULTS: &[Fault] = &[
     ("forget.comp", "push.keep != 0u && ", ""),
     ("forget.comp", "== ENTRY_MAPPED;", "!= ENTRY_UNMAPPED;"),
     ("forget.comp", "push.slot_count && push.keep == 0u", "push.slot_count"),
-    ("forget.comp", "owner < OWNER_GRANTED;", "owner < OWNER_FREE;"),
+    ("forget.comp", "owner < OWNER_GRANTED", "owner < OWNER_FREE"),
+    ("forget.comp", "forgotten ? 0u : push.round", "push.round"),
     ("forget.comp", "(owner - push.entry_first) %", "owner %"),
-    ("forget.comp", "owner_of_slot[push.slot_first + index] = OWNER_FREE", "owner_of_slot[index] = OWNER_FREE"),
+    ("forget.comp", "uint slot = push.slot_first + index;", "uint slot = index;"),
 ];
 
 #[test]

@@ -58,8 +58,8 @@ const SPECS_OF_LEVELS: &[Spec] = &[
     Spec { size: [41, 33, 5], payload: [8; 3], level: 0, levels: 1, substitute: true, atlases: &[3], filter: FilterShape::Fetch, early_stop: None, holes: false, segments: 2, preintegrated: false, finest: &[] },
     Spec { size: [23, 31, 17], payload: [4, 5, 3], level: 0, levels: 2, substitute: true, atlases: &[2, 1], filter: FilterShape::Quads, early_stop: Some(0.1), holes: true, segments: 2, preintegrated: false, finest: &[] },
     Spec { size: [41, 33, 20], payload: [8; 3], level: 0, levels: 2, substitute: true, atlases: &[1], filter: FilterShape::Fetch, early_stop: None, holes: false, segments: 30, preintegrated: true, finest: &[] },
-    Spec { size: [41, 33, 25], payload: [4; 3], level: 0, levels: 2, substitute: true, atlases: &[2, 1], filter: FilterShape::Fetch, early_stop: Some(0.1), holes: true, segments: 2, preintegrated: false, finest: &[0, 2, 1] },
-    Spec { size: [41, 33, 20], payload: [4; 3], level: 1, levels: 1, substitute: true, atlases: &[1, 1], filter: FilterShape::Quads, early_stop: None, holes: false, segments: 3, preintegrated: true, finest: &[3, 0] },
+    Spec { size: [41, 33, 25], payload: [4; 3], level: 0, levels: 2, substitute: true, atlases: &[2, 1], filter: FilterShape::Fetch, early_stop: None, holes: true, segments: 2, preintegrated: false, finest: &[0, 2, 1] },
+    Spec { size: [41, 33, 20], payload: [4; 3], level: 1, levels: 1, substitute: true, atlases: &[1, 1], filter: FilterShape::Quads, early_stop: None, holes: false, segments: 3, preintegrated: true, finest: &[2, 0] },
 ];
 
 /// A scene on the device with its rays.

@@ -157,9 +157,11 @@ impl<'w> Model<'w> {
         live.retain(|(_, rank)| first.is_some_and(|first| *rank > first));
         live.sort_by_key(|(_, rank)| std::cmp::Reverse(*rank));
 
-        let for_nearest = nearest.min(dead.len() + live.len());
+        // The host has slots for the first of them.
+        let held = shape.held as usize;
+        let for_nearest = nearest.saturating_sub(held).min(dead.len() + live.len());
         let spare = (shape.live_max as usize).saturating_sub(live_count);
-        let for_all = wishes.len().min(dead.len()).min(spare);
+        let for_all = wishes.len().saturating_sub(held).min(dead.len()).min(spare);
         let grants = for_nearest.max(for_all).min(shape.grants_max as usize);
         let live_grants = grants.saturating_sub(dead.len());
         victims.truncate(grants);

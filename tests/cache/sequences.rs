@@ -132,6 +132,8 @@ const FAULTS: &[Fault] = &[
     ("choose.comp", "tally.live - live_before;", "tally.live;"),
     ("choose.comp", "atomicMax(victim_cut, rank)", "atomicMin(victim_cut, rank)"),
     ("choose.comp", "min(dead, cache.live_max - tally.live)", "dead"),
+    ("choose.comp", "first_wishes - min(first_wishes, cache.held)", "first_wishes"),
+    ("choose.comp", "tally.wished - min(tally.wished, cache.held)", "tally.wished"),
     ("choose.comp", "live_of[rank] = 0u;", "live_of[rank] &= 1u;"),
     ("choose.comp", "tally = Tallies(0u, 0u, 0u, 0u);", "tally = Tallies(0u, tally.live, 0u, 0u);"),
     ("count.comp", "counts.above += rank > ", "counts.above += rank >= "),

@@ -47,7 +47,8 @@ impl Seen {
         self.live_grants += u32::from(live > 0);
         self.parted_rank +=
             u32::from(live > all.above && live < all.above + all.at && all.above > 0);
-        self.guarded += u32::from(answer.grants < answer.first_wishes.min(shape.grants_max));
+        let first = answer.first_wishes.saturating_sub(shape.held);
+        self.guarded += u32::from(answer.grants < first.min(shape.grants_max));
         self.unlisted += u32::from(answer.requests < answer.wished);
         self.parted_requests += u32::from(answer.requests < answer.first_wishes);
         self.full += u32::from(answer.dead == 0 && answer.live > 0);

@@ -156,6 +156,7 @@ impl World {
             grants_max,
             requests_max: pick(random, &[0, 1, 2, 7, 32, REQUESTS_ROOM]),
             live_max: pick(random, &[0, slots / 4, slots / 2, slots * 3 / 4, slots]),
+            held: if chance(random, 0.1) { pick(random, &[1, 3, slots / 4]) } else { 0 },
             ..fixed
         }
     }

@@ -161,7 +161,7 @@ fn entry(format: VoxelFormat, random: &mut Random) -> Result<BrickEntry> {
 }
 
 /// Channels of the source, more than any run shows.
-const FORMATS: usize = 64;
+const FORMATS: usize = 256;
 
 struct Run {
     world: World,

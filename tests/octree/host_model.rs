@@ -134,12 +134,15 @@ impl Model {
             // As many as there are places, so that one comes back now and then.
             let count = self.in_source.len() as u16;
             let one = channel as u16 + count * random.below(3) as u16;
-            self.in_source[channel] = 2 * one + 1;
-            self.known[channel].iter_mut().flatten().for_each(|known| *known = Known::Nothing);
+            if self.in_source[channel] != 2 * one + 1 {
+                self.in_source[channel] = 2 * one + 1;
+                self.known[channel].iter_mut().flatten().for_each(|known| *known = Known::Nothing);
+            }
         }
         self.judges[channel] = judge(self.plan.format, random);
         if random.once_in(3) {
-            self.levels[channel] = [random.index(4), random.index(4)];
+            let least = random.index(3);
+            self.levels[channel] = [least, least + random.index(3)];
         }
     }
 

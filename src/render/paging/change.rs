@@ -93,7 +93,7 @@ impl PagingPlan {
             slot_first: plan.shape.slot_first,
             slot_count: plan.layout.slot_count(),
             keep: keep.into(),
-            unused_0: 0,
+            round: 0,
         }
     }
 }

@@ -62,7 +62,6 @@ impl Renderer {
             (Some(Way::Octree), Some((march, _))) => march.clone(),
             _ => paged.march.clone(),
         };
-        let forgotten = std::mem::take(&mut paged.forgotten);
         let mut point = None;
         for first in (0..dispatches).step_by(DISPATCHES_PER_SUBMIT as usize) {
             let last = dispatches.min(first + DISPATCHES_PER_SUBMIT);
@@ -70,12 +69,6 @@ impl Renderer {
             if first == 0 {
                 if !paged.cleared {
                     paged.residency.clear(&mut recorder);
-                }
-                // A cleared page table has forgotten everything.
-                if let Some(pipeline) = paged.forget.as_ref().filter(|_| paged.cleared) {
-                    let cache = paged.residency.buffers();
-                    let push = |push| forget::record(&mut recorder, pipeline, cache, push);
-                    forgotten.iter().for_each(push);
                 }
                 if round.forget {
                     paged.residency.forget_touched(&mut recorder);
@@ -134,6 +127,35 @@ impl Renderer {
         paged.residency.end();
         paged.granted_at = point;
         Ok(point.unwrap_or_else(|| unreachable!("a round has a dispatch")))
+    }
+
+    /// Submits a round without rays, in which channels are forgotten: what other bricks are in counts as used,
+    /// so that free slots come first from then on. Nothing where there is nothing to forget.
+    pub(super) fn submit_forget(&self, paged: &mut Paged) -> Result<Option<Submitted>> {
+        let mut forgotten = std::mem::take(&mut paged.forgotten);
+        // A page table that is cleared forgets everything.
+        let Some(pipeline) =
+            paged.forget.clone().filter(|_| paged.cleared && !forgotten.is_empty())
+        else {
+            return Ok(None);
+        };
+        paged.residency.begin(&[])?;
+        let round = paged.residency.round();
+        let waits: Vec<TimePoint> = paged.copied_until.take().into_iter().collect();
+        let none = vec![
+            Allowance { grants_max: 0, live_max: 0, held: 0 };
+            paged.residency.atlases().len()
+        ];
+        let mut recorder = self.recorder();
+        for push in &mut forgotten {
+            push.round = round;
+            forget::record(&mut recorder, &pipeline, paged.residency.buffers(), push);
+        }
+        paged.residency.publish(&mut recorder, 0);
+        paged.residency.manage(&mut recorder, &none);
+        let submitted = recorder.submit(&waits)?;
+        paged.residency.end();
+        Ok(Some(submitted))
     }
 
     /// Submits what turns ray states into pixels.

@@ -120,6 +120,9 @@ impl Rounds<'_, '_> {
         let plan = &self.renderer.plan;
         let substitute = self.substitute();
         self.paged.look_through(self.tile.view as usize)?;
+        if let Some(submitted) = self.renderer.submit_forget(self.paged)? {
+            self.ended(submitted)?;
+        }
         let mut first = true;
         let mut recoveries = 0;
         loop {
@@ -256,7 +259,7 @@ impl Rounds<'_, '_> {
         let most = if lockstep { slots } else { (slots / 2).max(channels) };
         let live_max = if self.substitute() { slots } else { (slots / 2).max(channels) };
         let budget = self.renderer.plan.settings.paging.grants_per_round.unwrap_or(u32::MAX);
-        Allowance { grants_max: most.saturating_sub(held + bound).min(budget), live_max }
+        Allowance { grants_max: most.saturating_sub(held + bound).min(budget), live_max, held }
     }
 
     fn take_report(&mut self, point: TimePoint) -> Result<Report> {
