@@ -12,7 +12,7 @@ use ashfall::twins::octree::{Nodes, RISE_SHIFT, bits_of_word, unpacked};
 use ashfall::twins::transfer::TransferSegment;
 use ashfall::volume::{BrickGrid, BrickId, Size3, ValueRange, VoxelFormat};
 
-use crate::host_model::{Known, Model, drawn, surveyed};
+use crate::host_model::{Known, Model, drawn, failed, surveyed};
 use crate::random::Random;
 use crate::world::{Plan, World, extent};
 
@@ -240,12 +240,13 @@ impl Run {
             entries.push((BrickId { channel: 2, ..id }, Ok(BrickEntry::Absent)));
         }
         self.leaf_words.take_survey(&entries);
+        let stand_ins = self.model.stand_ins;
         for (id, entry) in &entries {
             let Some(channel) = self.model.shown(id.channel) else { continue };
             if let Some(known) = self.model.known(channel, *id)
                 && !(matches!(known, Known::Leaves(_)) && entry.is_ok())
             {
-                *known = Known::Range(surveyed(entry, format));
+                *known = Known::Range(surveyed(entry, format, stand_ins));
             }
         }
     }
@@ -338,8 +339,9 @@ impl Run {
             800..900 => {
                 let (channel, id) = self.id();
                 self.leaf_words.failed(id);
+                let range = failed(self.model.plan.format, self.model.stand_ins);
                 if let Some(known) = self.model.known(channel, id) {
-                    *known = Known::Range(ValueRange::EMPTY);
+                    *known = Known::Range(range);
                 }
             }
             _ => {
@@ -391,7 +393,7 @@ fn one_leaf(format: VoxelFormat) -> (LeafWords, BrickId) {
     let judge = Judge { format, layout, segments, skipping: true };
     // Levels that the volume does not have, and none at all between them.
     let channel = LeafChannel { in_source: 0, judge, levels: [9, 3] };
-    let mut leaf_words = LeafWords::new(Arc::new(plan.shape(2)), vec![channel]);
+    let mut leaf_words = LeafWords::new(Arc::new(plan.shape(2)), vec![channel], false);
     assert_eq!(leaf_words.changed(), [(0, vec![1, 0, 0, 0])], "unknown, and nothing beside it");
     (leaf_words, BrickId { volume: 0, channel: 0, level: 0, x: 0, y: 0, z: 0 })
 }

@@ -30,6 +30,8 @@ pub struct Model {
     pub plan: Plan,
     pub shape: Arc<Shape>,
     pub judges: Vec<Judge>,
+    /// Coarser bricks stand in for failed ones.
+    pub stand_ins: bool,
     /// Numbers in the source, all odd.
     pub in_source: Vec<u16>,
     levels: Vec<[usize; 2]>,
@@ -77,9 +79,15 @@ pub fn drawn(range: ValueRange, alike: bool) -> ValueRange {
     ValueRange { least, greatest: if wider { greatest.next_up() } else { greatest } }
 }
 
-pub fn surveyed(entry: &Result<BrickEntry>, format: VoxelFormat) -> ValueRange {
+/// Of a failed brick, for which a coarser one may stand in.
+pub fn failed(format: VoxelFormat, stand_ins: bool) -> ValueRange {
+    if stand_ins { Coding::of(format).unknown() } else { ValueRange::EMPTY }
+}
+
+pub fn surveyed(entry: &Result<BrickEntry>, format: VoxelFormat, stand_ins: bool) -> ValueRange {
     match entry {
-        Err(_) | Ok(BrickEntry::Absent) => ValueRange::EMPTY,
+        Err(_) => failed(format, stand_ins),
+        Ok(BrickEntry::Absent) => ValueRange::EMPTY,
         Ok(BrickEntry::Constant(bytes)) => {
             let value = Voxels::from_bytes(format, &bytes[..format.bytes()]).value(0);
             if value.is_nan() { ValueRange::EMPTY } else { drawn(ValueRange::of(value), true) }
@@ -102,6 +110,7 @@ impl Model {
         let nothing: Vec<_> = (0..shape.trees.len()).map(of_level).collect();
         Model {
             judges: plan.channels.iter().map(|_| judge(plan.format, random)).collect(),
+            stand_ins: random.once_in(2),
             in_source: (0..plan.channels.len() as u16).map(|channel| 2 * channel + 1).collect(),
             levels: plan.channels.to_vec(),
             known: vec![nothing; plan.channels.len()],
@@ -111,7 +120,7 @@ impl Model {
     }
 
     pub fn leaf_words(&self) -> LeafWords {
-        LeafWords::new(Arc::clone(&self.shape), self.leaf_channels())
+        LeafWords::new(Arc::clone(&self.shape), self.leaf_channels(), self.stand_ins)
     }
 
     pub fn leaf_channels(&self) -> Vec<LeafChannel> {

@@ -5,7 +5,8 @@
 //! # Invariants
 //! - What is said last of a brick counts; but of one whose leaves are known from its voxels, a survey says
 //!   nothing new.
-//! - A failed brick is drawn as nothing, until something else is said of it.
+//! - A failed brick is drawn as nothing, until something else is said of it; where a coarser one stands in for
+//!   it, nothing is known of it.
 //! - Words follow from what is known, whatever the order in which it became known.
 //!
 //! # Source
@@ -62,6 +63,8 @@ pub struct LeafWords {
     channels: Vec<Channel>,
     words: Words,
     bits: u32,
+    /// Coarser bricks stand in for failed ones.
+    stand_ins: bool,
     /// Number of the first brick of every level.
     brick_first: Vec<usize>,
     /// What was done.
@@ -80,10 +83,11 @@ struct Channel {
 
 impl LeafWords {
     /// Of a volume of which nothing is known: channels as the scene has them, their word's bits in order.
+    /// `stand_ins`: coarser bricks stand in for failed ones, as in substitute refinement.
     ///
     /// # Panics
     /// When there are more channels than a word has room for: our own bug, since scenes are checked.
-    pub fn new(shape: Arc<Shape>, channels: Vec<LeafChannel>) -> LeafWords {
+    pub fn new(shape: Arc<Shape>, channels: Vec<LeafChannel>, stand_ins: bool) -> LeafWords {
         let brick_first = brick_first(&shape);
         let last = shape.trees.len().saturating_sub(1);
         let bricks = brick_first.last().copied().unwrap_or(0);
@@ -99,7 +103,8 @@ impl LeafWords {
         let channels: Vec<Channel> = channels.into_iter().map(channel).collect();
         let words = Words::unknown(&shape, channels.len());
         let work = LeafWork::default();
-        let mut leaf_words = LeafWords { shape, channels, words, bits, brick_first, work };
+        let mut leaf_words =
+            LeafWords { shape, channels, words, bits, stand_ins, brick_first, work };
         leaf_words.know_nothing();
         leaf_words
     }
@@ -197,9 +202,10 @@ impl LeafWords {
         }
     }
 
-    /// A brick could not be read: drawn as nothing for the epoch.
+    /// A brick could not be read in this epoch.
     pub fn failed(&mut self, id: BrickId) {
-        self.say(id, |_| ValueRange::EMPTY);
+        let stand_ins = self.stand_ins;
+        self.say(id, |coding| failed_range(coding, stand_ins));
     }
 
     /// A failed brick may be asked for again: nothing is known of it.
@@ -299,7 +305,7 @@ impl LeafWords {
             let range = match entry {
                 Ok(_) if self.is_learned(at, *id) => continue,
                 Ok(entry) => brick_range(entry, format),
-                Err(_) => ValueRange::EMPTY,
+                Err(_) => failed_range(Coding::of(format), self.stand_ins),
             };
             self.set_learned(at, *id, false);
             said.push(([id.x, id.y, id.z], range));
@@ -424,6 +430,11 @@ impl Memo {
         }
         place.1
     }
+}
+
+/// What is drawn of a brick that could not be read: nothing, or a coarser one, which may show anything.
+fn failed_range(coding: Coding, stand_ins: bool) -> ValueRange {
+    if stand_ins { coding.unknown() } else { ValueRange::EMPTY }
 }
 
 /// What every leaf of a brick may hold, as far as its entry tells, of what is drawn.

@@ -8,6 +8,7 @@ use crate::gpu::{
     Buffer, ComputePipeline, Gpu, Place, Record, Shader, SlotEvent, Staging, TimePoint,
 };
 use crate::loading::{Delivery, Loading, LoadingLimits};
+use crate::passes::cache_buffers::RankOrder;
 use crate::passes::march_bricks::{OctreeBuffers, RayBuffers};
 use crate::render::frame::Tile;
 use crate::render::paging::brick_texels::write_texels;
@@ -124,7 +125,8 @@ impl Paged {
                 };
                 let leaves = octree.level_leaves();
                 buffers.level_leaves.write(0, bytemuck::cast_slice(&leaves))?;
-                Some((LeafWords::new(octree.clone(), plan.leaf_channels()), buffers))
+                let stand_ins = plan.residency.ranks.order == RankOrder::Substitute;
+                Some((LeafWords::new(octree.clone(), plan.leaf_channels(), stand_ins), buffers))
             }
         };
         let codings: Vec<_> = plan.judges.values().map(|judge| Coding::of(judge.format)).collect();
