@@ -10,9 +10,9 @@ use crate::gpu::{BufferSpec, Gpu, Image, ImageSpec, ObjectKind, Shader, ShaderCo
 use crate::passes::cache_buffers::RankOrder;
 use crate::passes::march_shape::{ChannelShape, FilterShape, MacrocellUse, Shape};
 use crate::passes::{cast, rays, resolve};
-use crate::render::image_layout::{LayoutChoice, TexelLayout};
+use crate::render::image_layout::TexelLayout;
 use crate::render::macrocells::PlannedMacrocells;
-use crate::render::paging::{CopyPath, PagingPlan, longest_diagonal_world};
+use crate::render::paging::{CopyPath, PagingPlan, PlannedOctree, longest_diagonal_world};
 use crate::render::plan_images::{ChannelFacts, plan_images};
 use crate::render::plan_objects::{copies_of, objects, plan_buffers, planned_buffers, queues_text};
 use crate::render::planned_layout::{LayoutMeter, PlannedLayout};
@@ -128,6 +128,8 @@ pub struct Plan {
     pub left_out: Vec<(String, String)>,
     /// What rays read of macrocells; nothing where they read none.
     pub macrocells: Option<PlannedMacrocells>,
+    /// The residency octree; nothing where rays use none.
+    pub octree: Option<PlannedOctree>,
     #[serde(skip)]
     pub(super) texel_layouts: Vec<Option<TexelLayout>>,
     #[serde(skip)]
@@ -284,6 +286,7 @@ impl Plan {
             memory_bytes,
             left_out: left_out.0,
             macrocells,
+            octree: None,
             texel_layouts,
             segments,
             shape,
@@ -387,32 +390,13 @@ impl Plan {
             memory_bytes,
             left_out: left_out.0,
             macrocells: None,
+            octree: paging.planned_octree(),
             texel_layouts: Vec::new(),
             segments: paging.segments.clone(),
             shape: paging.bricks.march.clone(),
             settings: *settings,
             paging: Some(paging),
         })
-    }
-
-    /// Settings under which another scene of the volume is planned alike: voxels lie as chosen here.
-    pub(super) fn settings_again(&self) -> Settings {
-        let chosen =
-            self.paging.as_ref().map(|paging| LayoutChoice::Only(paging.layouts[0].layout));
-        let addressing =
-            if self.paging.is_some() { Addressing::Paged } else { self.settings.addressing };
-        Settings { layout: chosen.unwrap_or(self.settings.layout), addressing, ..self.settings }
-    }
-
-    /// Why a renderer of this plan cannot go on with the next; nothing: it can.
-    pub(super) fn unlike(&self, next: &Plan) -> Option<&'static str> {
-        let (Some(paging), Some(of_next)) = (&self.paging, &next.paging) else {
-            return Some("voxels are drawn directly");
-        };
-        if (self.picture, self.views.len()) != (next.picture, next.views.len()) {
-            return Some("its pictures are of another size or number");
-        }
-        paging.unlike(of_next)
     }
 
     /// The finest level at which each channel is drawn; empty where voxels are not in bricks.

@@ -34,6 +34,20 @@ impl fmt::Display for Plan {
             mib(self.atlas_bytes),
             self.addressing
         )?;
+        if let Some(octree) = &self.octree {
+            writeln!(
+                f,
+                "octree     {} leaves of {} x {} x {} voxels, {} channel(s) in words of {} bits: {:.2} MiB, and {:.2} MiB of ram_mib",
+                octree.leaves,
+                octree.leaf[0],
+                octree.leaf[1],
+                octree.leaf[2],
+                octree.channels,
+                octree.word_bits,
+                mib(octree.device_bytes),
+                mib(octree.host_bytes)
+            )?;
+        }
         if let Some(layout) = &self.layout {
             writeln!(f, "layout     {}: {}", layout.chosen, layout.why)?;
             for cost in &layout.costs {

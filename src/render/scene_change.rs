@@ -5,8 +5,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Shader, ShaderCompiler};
 use crate::passes::forget;
+use crate::render::image_layout::LayoutChoice;
 use crate::render::plan::Plan;
 use crate::render::scene_data::SceneData;
+use crate::render::settings::{Addressing, Settings};
 
 /// Other views, channels, windows or transfer functions of the volume that a renderer draws in pages. What
 /// both scenes have in common stays: bricks on the device and in memory, and every object that serves both.
@@ -42,6 +44,28 @@ impl SceneChange {
     /// What will be drawn.
     pub fn plan(&self) -> &Plan {
         &self.plan
+    }
+}
+
+impl Plan {
+    /// Settings under which another scene of the volume is planned alike: voxels lie as chosen here.
+    fn settings_again(&self) -> Settings {
+        let chosen =
+            self.paging.as_ref().map(|paging| LayoutChoice::Only(paging.layouts[0].layout));
+        let addressing =
+            if self.paging.is_some() { Addressing::Paged } else { self.settings.addressing };
+        Settings { layout: chosen.unwrap_or(self.settings.layout), addressing, ..self.settings }
+    }
+
+    /// Why a renderer of this plan cannot go on with the next; nothing: it can.
+    fn unlike(&self, next: &Plan) -> Option<&'static str> {
+        let (Some(paging), Some(of_next)) = (&self.paging, &next.paging) else {
+            return Some("voxels are drawn directly");
+        };
+        if (self.picture, self.views.len()) != (next.picture, next.views.len()) {
+            return Some("its pictures are of another size or number");
+        }
+        paging.unlike(of_next)
     }
 }
 

@@ -4,6 +4,7 @@
 //! refusal names the place (file, line and column, or the flag), the thing and the remedy.
 
 mod check;
+mod check_channel;
 mod file;
 mod overrides;
 mod place;

@@ -1,10 +1,13 @@
 //! The plan of a paged scene against what is created, what an atlas may take, and that nothing of paging
 //! exists where nothing is paged.
 
+use std::sync::Arc;
+
 use ashfall::error::Exit;
-use ashfall::render::paging::{CopyPath, LoadOrder};
-use ashfall::render::{Addressing, Plan, Renderer, SceneData, Settings};
-use ashfall::scene::{Overrides, Refine};
+use ashfall::import::DenseVolume;
+use ashfall::render::paging::{CopyPath, LoadOrder, Traversal};
+use ashfall::render::{Addressing, Plan, Renderer, SceneData, Settings, VolumeData};
+use ashfall::scene::{Overrides, Refine, Scene};
 use ashfall::volume::VoxelFormat;
 
 use crate::binary::ashfall;
@@ -13,7 +16,7 @@ use crate::common::drawing::Device;
 use crate::folder::Folder;
 use crate::worlds::{
     Look, at_level_0, bricks, bytes_volume, channel, finished, hill, other_hill, paged, scene,
-    scene_of_whole, slots, volume,
+    scene_of_whole, scene_text, slots, volume,
 };
 
 /// Set for the child process that counts its own threads.
@@ -197,6 +200,53 @@ fn what_a_scene_does_not_need_is_nowhere_in_its_plan() {
     assert!(buffer(&plan, "upload") && plan.passes.iter().any(|pass| pass.name == "place"));
     let papers = paged(|paging| paging.order = LoadOrder::Papers);
     assert!(buffer(&device.plan(&exact, &papers), "wish_weight"), "papers");
+    device.finish();
+}
+
+/// One channel of sixteen costs what it costs alone, buffer by buffer and instruction by instruction.
+#[test]
+fn a_scene_of_one_channel_pays_nothing_for_the_other_fifteen() {
+    let Some(device) = Device::open() else { return };
+    let size = [48; 3];
+    let of = |count: usize| {
+        let channels = (0..count).map(|_| channel(size, VoxelFormat::U8, hill)).collect();
+        bricks(volume(size, channels), 16)
+    };
+    let (alone, sixteen) = (of(1), of(16));
+    for traversal in [Traversal::PageTable, Traversal::ResidencyOctree, Traversal::Auto] {
+        let settings = paged(|paging| paging.traversal = traversal);
+        let plan = |source: &Arc<DenseVolume>, channels: &[u16]| {
+            let text = scene_text(&vec![VoxelFormat::U8; channels.len()], Look::Corner);
+            let path = std::path::Path::new("made.toml");
+            let parsed = Scene::from_toml(&text, path, &at_level_0());
+            let parsed = parsed.unwrap_or_else(|why| panic!("{why}"));
+            let data = VolumeData::new(source.clone(), channels.to_vec());
+            let data = SceneData::new(parsed, vec![data]).expect("drawable");
+            device.plan(&data, &settings)
+        };
+        let json = |plan: &Plan| serde_json::to_value(plan).expect("a plan");
+        let wanted = json(&plan(&alone, &[0]));
+        assert_eq!(json(&plan(&sixteen, &[7])), wanted, "{traversal:?}");
+        let all: Vec<u16> = (0..16).collect();
+        assert_ne!(json(&plan(&sixteen, &all)), wanted, "sixteen are not one");
+        // What a channel more takes of the octree's memory.
+        for count in [1, 2, 4, 5, 8, 12, 16] {
+            let Some(octree) = plan(&sixteen, &all[..count]).octree else {
+                assert_eq!(traversal, Traversal::PageTable);
+                continue;
+            };
+            let bits = if count <= 4 {
+                8
+            } else if count <= 12 {
+                16
+            } else {
+                32
+            };
+            assert_eq!((octree.channels, octree.word_bits), (count, bits));
+            assert_eq!(octree.device_bytes, (octree.leaves * u64::from(bits)).div_ceil(32) * 4);
+            println!("{count} channels: {octree:?}");
+        }
+    }
     device.finish();
 }
 

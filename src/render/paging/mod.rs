@@ -15,6 +15,7 @@ mod leaf_words;
 mod paged;
 mod placing;
 mod plan;
+mod planned_octree;
 mod round;
 mod rounds;
 mod settings;
@@ -25,6 +26,7 @@ mod visibility;
 pub use brick_numbers::{BrickNumbers, ChannelPlace};
 pub use brick_texels::write_texels;
 pub use leaf_words::{LeafChannel, LeafWords, LeafWork};
+pub use planned_octree::PlannedOctree;
 pub use settings::{CopyPath, LoadOrder, PagingSettings, Traversal};
 pub use view_levels::{LevelChoice, ViewLevels};
 
