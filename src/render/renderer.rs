@@ -232,7 +232,8 @@ impl Renderer {
     /// Bricks of channels that both scenes show stay where they are.
     ///
     /// # Errors
-    /// Exit code 4 when the device runs out of memory or is lost; 3 when the volume is another one.
+    /// Exit code 4 when the device runs out of memory or is lost; 3 when the volume is another one, or the
+    /// change was planned from another renderer's plan and this one cannot go on with it.
     pub fn change(&mut self, change: SceneChange) -> Result<()> {
         let SceneChange { plan, data, forget } = change;
         if !Arc::ptr_eq(&self.source, &data.volumes[0].source) {
@@ -240,6 +241,7 @@ impl Renderer {
                 "the volume is not the one that is drawn: make a new renderer for it".to_owned(),
             ));
         }
+        self.plan.check_alike(&plan)?;
         let of_transfer = &plan.buffer("transfer").spec;
         if of_transfer.bytes > self.buffers.transfer.bytes() {
             self.buffers.transfer = Buffer::new(&self.gpu, of_transfer)?;

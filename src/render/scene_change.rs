@@ -32,11 +32,7 @@ impl SceneChange {
         data: SceneData,
     ) -> Result<SceneChange> {
         let plan = Plan::new(gpu, compiler, &data, &before.settings_again())?;
-        if let Some(why) = before.unlike(&plan) {
-            return Err(Error::input(format!(
-                "the next scene cannot take the place of this one: {why}"
-            )));
-        }
+        before.check_alike(&plan)?;
         let forget = compiler.compile(&forget::variant())?;
         Ok(SceneChange { plan, data, forget })
     }
@@ -57,15 +53,19 @@ impl Plan {
         Settings { layout: chosen.unwrap_or(self.settings.layout), addressing, ..self.settings }
     }
 
-    /// Why a renderer of this plan cannot go on with the next; nothing: it can.
-    fn unlike(&self, next: &Plan) -> Option<&'static str> {
-        let (Some(paging), Some(of_next)) = (&self.paging, &next.paging) else {
-            return Some("voxels are drawn directly");
+    /// Refuses a plan that a renderer of this one cannot go on with.
+    pub(super) fn check_alike(&self, next: &Plan) -> Result<()> {
+        let unlike = match (&self.paging, &next.paging) {
+            _ if (self.picture, self.views.len()) != (next.picture, next.views.len()) => {
+                Some("its pictures are of another size or number")
+            }
+            (Some(paging), Some(of_next)) => paging.unlike(of_next),
+            _ => Some("voxels are drawn directly"),
         };
-        if (self.picture, self.views.len()) != (next.picture, next.views.len()) {
-            return Some("its pictures are of another size or number");
-        }
-        paging.unlike(of_next)
+        unlike.map_or(Ok(()), |why| {
+            let cannot = "the next scene cannot take the place of this one";
+            Err(Error::input(format!("{cannot}: {why}: make a new renderer for it")))
+        })
     }
 }
 
