@@ -86,10 +86,7 @@ bool mark_place(uint place, uint channels) {
     bool waits = false;
 #ifdef ANCESTORS
     uint level = level_of_place(place);
-    uvec3 bricks = level_views[level].bricks;
-    uint within = place - level_views[level].first_place;
-    uint row = within / bricks.x;
-    ivec3 brick = ivec3(within % bricks.x, row % bricks.y, row / bricks.y);
+    ivec3 brick = brick_of_place(level, place);
 #endif
     MARK_CHANNELS
     return waits;

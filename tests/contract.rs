@@ -378,6 +378,11 @@ fn brick_shapes() -> Vec<BrickShape> {
         plain,
         BrickShape { ranks: RankShape { levels: 4, order: RankOrder::Substitute }, ..full.clone() },
         BrickShape {
+            ranks: RankShape { levels: 4, order: RankOrder::Substitute },
+            finest: vec![0, 2],
+            ..full.clone()
+        },
+        BrickShape {
             march: shape(&[ChannelShape::Scalar { segments: 25 }, SCALAR], FilterShape::Fetch),
             ..full.clone()
         },

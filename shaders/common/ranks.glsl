@@ -34,10 +34,14 @@ uint rank_of_brick(uint level, ivec3 brick) {
     return first == RANK_NONE ? RANK_NONE : first + away.x + away.y + away.z;
 }
 
-uint rank_of_place(uint place) {
-    uint level = level_of_place(place);
+ivec3 brick_of_place(uint level, uint place) {
     uvec3 bricks = level_views[level].bricks;
     uint within = place - level_views[level].first_place;
     uint row = within / bricks.x;
-    return rank_of_brick(level, ivec3(within % bricks.x, row % bricks.y, row / bricks.y));
+    return ivec3(within % bricks.x, row % bricks.y, row / bricks.y);
+}
+
+uint rank_of_place(uint place) {
+    uint level = level_of_place(place);
+    return rank_of_brick(level, brick_of_place(level, place));
 }

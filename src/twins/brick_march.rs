@@ -274,17 +274,17 @@ fn classified_or_nothing(segments: &[TransferSegment], texel: f32) -> [f32; 4] {
     if texel.is_nan() { [0.0; 4] } else { classify(segments, texel) }
 }
 
-/// How many samples, this one included, lie in the brick whose first voxel is `first`, to one or so.
-fn samples_until_border(
+/// How many samples, this one at `position` included, lie in the box whose first voxel is `first`, to one or so.
+pub fn samples_until_border(
     position: [f32; 3],
     step_voxel: [f32; 3],
     first: [i32; 3],
-    payload: [i32; 3],
+    edge: [i32; 3],
 ) -> u32 {
     let count = |axis: usize| {
         let step = step_voxel[axis];
         let still = if step == 0.0 { 1.0 } else { 0.0 };
-        let ahead = first[axis] + if step > 0.0 { payload[axis] } else { 0 };
+        let ahead = first[axis] + if step > 0.0 { edge[axis] } else { 0 };
         (ahead as f32 - (position[axis] + 0.5)) / (step + still) + still * 1.0e9
     };
     count(0).min(count(1)).min(count(2)).ceil().clamp(1.0, 1.0e9) as u32

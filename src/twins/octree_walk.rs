@@ -7,6 +7,7 @@
 //! # Source
 //! residency-octree-2023 algorithm 1, without its descent: see `twins/octree_words.rs`.
 
+use crate::twins::brick_march::samples_until_border;
 use crate::twins::fixed_point::{Fixed3, fixed_advance, fixed_float, fixed_fraction};
 use crate::twins::limits::BLOCK_SAMPLES;
 use crate::twins::octree::{here, node_of_voxel};
@@ -93,7 +94,8 @@ pub fn walk(shape: &Shape, words: &[u32], channels: &[Channel], ray: &Ray) -> (V
             let here = here(shape.leaf, &shape.tiers, tree, words, voxel);
             reads += 1;
             let relative = |first: [i32; 3]| std::array::from_fn(|a| first[a] - anchor.cell[a]);
-            let in_box = samples_in_box(position, step_voxel, relative(here.first), here.edge);
+            let in_box =
+                samples_until_border(position, step_voxel, relative(here.first), here.edge);
             let (count, action) = if here.shows == 0 {
                 (in_box, Action::Cross)
             } else if here.one_value {
@@ -102,7 +104,7 @@ pub fn walk(shape: &Shape, words: &[u32], channels: &[Channel], ray: &Ray) -> (V
                 let payload = shape.payload.map(|edge| edge as i32);
                 let brick = brick_of_voxel(shape, ray.level, voxel);
                 let first = std::array::from_fn(|axis| brick[axis] as i32 * payload[axis]);
-                let in_brick = samples_in_box(position, step_voxel, relative(first), payload);
+                let in_brick = samples_until_border(position, step_voxel, relative(first), payload);
                 let has =
                     channels.iter().enumerate().map(|(at, channel)| match here.shows >> at & 1 {
                         0 => Has::Nothing,
@@ -165,20 +167,4 @@ fn has(shape: &Shape, channel: &Channel, level: usize, brick: [u32; 3]) -> Has {
         false => brick[axis] << (from[axis] - to[axis]),
     });
     channel.resident.best(wanted, around).map_or(Has::Missing, Has::Level)
-}
-
-/// How many samples, this one at `position` included, lie in a box of voxels, to one or so.
-pub fn samples_in_box(
-    position: [f32; 3],
-    step_voxel: [f32; 3],
-    first: [i32; 3],
-    edge: [i32; 3],
-) -> u32 {
-    let count = |axis: usize| {
-        let step = step_voxel[axis];
-        let still = if step == 0.0 { 1.0 } else { 0.0 };
-        let ahead = first[axis] + if step > 0.0 { edge[axis] } else { 0 };
-        (ahead as f32 - (position[axis] + 0.5)) / (step + still) + still * 1.0e9
-    };
-    count(0).min(count(1)).min(count(2)).ceil().clamp(1.0, 1.0e9) as u32
 }
