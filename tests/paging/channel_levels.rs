@@ -3,14 +3,15 @@
 
 use std::sync::Arc;
 
+use ashfall::error::Result;
 use ashfall::import::DenseVolume;
 use ashfall::reference::{Truth, VolumeLevel};
 use ashfall::render::paging::Traversal;
 use ashfall::render::{Picture, SceneData, Settings, VolumeData};
 use ashfall::scene::{Overrides, Scene};
-use ashfall::source::BrickSource;
+use ashfall::source::{BrickEntry, BrickSource, Description};
 use ashfall::study::error_metrics::picture_error;
-use ashfall::volume::VoxelFormat;
+use ashfall::volume::{BrickId, ValueRange, VoxelFormat};
 
 use crate::common::drawing::Device;
 use crate::worlds::{
@@ -208,6 +209,50 @@ fn levels_of_channels_need_substitution() {
             .err()
             .expect("refused");
         assert!(why.to_string().contains("need refine \"substitute\""), "{why}");
+    }
+    device.finish();
+}
+
+/// Bricks that lose 3 values where level 1 is drawn, 4 more where level 2 is: 5 together.
+struct Losing(Arc<DenseVolume>);
+
+impl BrickSource for Losing {
+    fn description(&self) -> &Description {
+        self.0.description()
+    }
+
+    fn entry(&self, id: BrickId) -> Result<BrickEntry> {
+        let range = ValueRange { least: 0.0, greatest: 255.0 };
+        let loss = [3.0, 4.0].get(usize::from(id.level)).copied().unwrap_or(0.0);
+        Ok(BrickEntry::Stored { range, loss })
+    }
+
+    fn read(&self, id: BrickId, bytes: &mut Vec<u8>) -> Result<()> {
+        self.0.read(id, bytes)
+    }
+}
+
+#[test]
+fn losses_of_levels_add_up_as_squares() {
+    let Some(device) = Device::open() else { return };
+    let size = [EDGE; 3];
+    let dense = bricks(volume(size, vec![channel(size, VoxelFormat::U8, hill)]), 16);
+    let source: Arc<dyn BrickSource> = Arc::new(Losing(dense));
+    // One value is a 255th of the greatest extinction.
+    let ramp = "transfer = [\n{ at = 0.0, color = [1, 1, 1], extinction = 0.0 },\n\
+        { at = 1.0, color = [1, 1, 1], extinction = 4.0 },\n]\n";
+    let text = text_of(&[(0, None)], Look::Corner);
+    let (begin, end) = (text.find("transfer = ["), text.find("[[view]]"));
+    let (begin, end) = (begin.expect("a transfer"), end.expect("a view"));
+    let text = format!("{}{ramp}{}", &text[..begin], &text[end..]);
+    for (values, level) in [(0.0, 0), (2.9, 0), (3.1, 1), (4.9, 1), (5.1, 2)] {
+        let overrides = Overrides { level_loss: Some(values / 255.0), ..substitute(0.5) };
+        let scene = Scene::from_toml(&text, std::path::Path::new("made.toml"), &overrides)
+            .unwrap_or_else(|why| panic!("{why}"));
+        let data = VolumeData::new(source.clone(), vec![0]);
+        let data = SceneData::new(scene, vec![data]).expect("drawable");
+        let plan = device.plan(&data, &ways()[0]);
+        assert_eq!(plan.finest_levels(), [level], "{values} values");
     }
     device.finish();
 }
