@@ -206,8 +206,7 @@ fn levels_of_channels_need_substitution() {
     for (text, overrides) in [(&text, &exact), (&plain, &loss)] {
         let data = data_of(&source, text, overrides);
         let why = ashfall::render::Plan::new(&device.gpu, &device.compiler, &data, &ways()[0])
-            .err()
-            .expect("refused");
+            .expect_err("refused");
         assert!(why.to_string().contains("need refine \"substitute\""), "{why}");
     }
     device.finish();

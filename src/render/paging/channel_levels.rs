@@ -43,8 +43,9 @@ fn coarsest_within(
     for level in 0..most {
         let lost = per_value * greatest_loss(source, in_source, judge, level);
         squares += lost * lost;
-        // Not less or equal: what is not known.
-        if !(squares.sqrt() <= loss_max) {
+        // False of what is not known.
+        let within = squares.sqrt() <= loss_max;
+        if !within {
             return level.max(least);
         }
     }
