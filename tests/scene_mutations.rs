@@ -24,6 +24,7 @@ step = 0.25
 filter = "exact"
 refine = "substitute"
 level_max = 3
+level_loss = 0.02
 early_stop = 0.0005
 [memory]
 atlas_mib = 256
@@ -35,6 +36,8 @@ source = "bonsai.raw"
 raw = { size = [256, 256, 256], type = "u8", endian = "little" }
 spacing = [1.0, 1.0, 2.5]
 [[volume.channel]]
+level_min = 1
+level_max = 2
 window = [0.0, 255.0]
 transfer = [
   { at = 0.0, color = [0, 0, 0], extinction = 0.0 },
@@ -264,6 +267,7 @@ fn flags(seed: u64) -> Overrides {
         early_stop: number(),
         background: number().map(|c| [0.0, c, 1.0]),
         level_max: number().map(|level| level as i64),
+        level_loss: number(),
         atlas_mib: number().map(|mib| mib as i64),
         size: number().map(|edge| [edge as u32, 8]),
         ..Overrides::default()
@@ -281,6 +285,11 @@ fn broken(scene: &Scene) -> Result<(), String> {
     hold((1e-6..=1e6).contains(&quality.step), "step")?;
     hold((0.0..1.0).contains(&quality.early_stop), "early_stop")?;
     hold(quality.level_max.is_none_or(|level| level < 32), "level_max")?;
+    hold(quality.level_loss.is_none_or(|loss| (0.0..1.0).contains(&loss)), "level_loss")?;
+    for channel in scene.volumes.iter().flat_map(|volume| &volume.channels) {
+        let most = channel.level_max.unwrap_or(31);
+        hold(channel.level_min <= most && most < 32, "levels of a channel")?;
+    }
     let memory = &scene.memory;
     for mib in [memory.atlas_mib, memory.ram_mib, memory.staging_mib] {
         hold((1..=1 << 24).contains(&mib), "memory")?;

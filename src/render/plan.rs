@@ -498,15 +498,16 @@ fn tiles_of(picture: [u32; 2], settings: &Settings) -> ([u32; 2], [u32; 2], u32)
 
 /// Whether the volume is drawn in pages: asked for, or because level 0 fits neither atlas nor memory.
 fn is_paged(gpu: &Gpu, data: &SceneData, settings: &Settings) -> Result<bool> {
+    let volume = &data.scene.volumes[0];
+    let coarse = volume.channels.iter().any(|channel| channel.level_min > 0);
+    let needs_levels = coarse || data.scene.quality.level_loss.is_some();
     match settings.addressing {
-        Addressing::Paged => return Ok(true),
+        Addressing::Direct if needs_levels => {
+            return Err(volume.place.error("level_min of a channel and level_loss need voxels in pages, directly there is level 0 alone: leave out --addressing direct".to_owned()));
+        }
         Addressing::Direct => return Ok(false),
-        Addressing::Auto => {}
-    }
-    // Directly there is level 0 alone.
-    let coarse = data.scene.volumes[0].channels.iter().any(|channel| channel.level_min > 0);
-    if coarse || data.scene.quality.level_loss.is_some() {
-        return Ok(true);
+        Addressing::Auto if !needs_levels => {}
+        Addressing::Paged | Addressing::Auto => return Ok(true),
     }
     let source = &data.volumes[0];
     let description = source.source.description();

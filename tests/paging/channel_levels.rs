@@ -7,7 +7,7 @@ use ashfall::error::Result;
 use ashfall::import::DenseVolume;
 use ashfall::reference::{Truth, VolumeLevel};
 use ashfall::render::paging::Traversal;
-use ashfall::render::{Picture, SceneData, Settings, VolumeData};
+use ashfall::render::{Addressing, Picture, SceneData, Settings, VolumeData};
 use ashfall::scene::{Overrides, Scene};
 use ashfall::source::{BrickEntry, BrickSource, Description};
 use ashfall::study::error_metrics::picture_error;
@@ -208,6 +208,10 @@ fn levels_of_channels_need_substitution() {
         let why = ashfall::render::Plan::new(&device.gpu, &device.compiler, &data, &ways()[0])
             .expect_err("refused");
         assert!(why.to_string().contains("need refine \"substitute\""), "{why}");
+        let direct = Settings { addressing: Addressing::Direct, ..ways()[0] };
+        let why = ashfall::render::Plan::new(&device.gpu, &device.compiler, &data, &direct)
+            .expect_err("refused");
+        assert!(why.to_string().contains("need voxels in pages"), "{why}");
     }
     device.finish();
 }
