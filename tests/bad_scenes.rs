@@ -3,6 +3,8 @@
 
 mod binary;
 mod folder;
+#[path = "bad_scenes/levels.rs"]
+mod levels;
 
 use binary::{Run, ashfall, ashfall_within};
 use folder::Folder;
@@ -92,12 +94,6 @@ const PICTURE_QUALITY_MEMORY: &[Bad] = &[
     ("step = 0.5", "step = @\"fine\"", &["step", "f64"]),
     ("filter = \"exact\"", "filter = @\"cubic\"", &["filter", "cubic", "hardware"]),
     ("refine = \"exact\"", "refine = @\"never\"", &["refine", "never", "substitute"]),
-    ("level_max = 0", "level_max = @-1", &["level_max", "0 to 31"]),
-    ("level_max = 0", "level_max = @32", &["level_max", "0 to 31"]),
-    ("level_max = 0", "level_max = @true", &["level_max", "i64"]),
-    ("level_max = 0", "level_loss = @1.0", &["level_loss", "less than 1"]),
-    ("level_max = 0", "level_loss = @-0.1", &["level_loss", "at least 0"]),
-    ("level_max = 0", "level_loss = @nan", &["level_loss", "at least 0"]),
     ("early_stop = 0.0", "early_stop = @1.0", &["early_stop", "less than 1"]),
     ("early_stop = 0.0", "early_stop = @-0.1", &["early_stop", "at least 0"]),
     ("atlas_mib = 64", "atlas_mib = @0", &["atlas_mib", "1 to"]),
@@ -220,9 +216,6 @@ const CHANNELS: &[Bad] = &[
     ("window = [0.0, 255.0]", "window = @[1.0, 1.0]", &["window", "lo < hi"]),
     ("window = [0.0, 255.0]", "window = @[0.0, 1e39]", &["window", "finite"]),
     ("window = [0.0, 255.0]", "window = @255.0", &["window", "array of length 2"]),
-    ("index = 0", "level_min = @32", &["channel 0", "level_min", "0 to 31"]),
-    ("index = 0", "level_max = @-1", &["channel 0", "level_max", "0 to 31"]),
-    ("index = 0", "level_min = 2\nlevel_max = @1", &["channel 0", "at least level_min", "1 and 2"]),
     (FIRST_POINT, "  { at = @\"0\", color = [0, 0, 0], extinction = 0 },", &["at", "f64"]),
     (FIRST_POINT, "  @{ at = 1.5, color = [0, 0, 0], extinction = 0 },", &["at", "0 and 1", "1.5"]),
     (FIRST_POINT, "  @{ at = -0.5, color = [0, 0, 0], extinction = 0 },", &["at", "0 and 1"]),
