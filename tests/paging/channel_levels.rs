@@ -16,7 +16,7 @@ use ashfall::volume::{BrickId, ValueRange, VoxelFormat};
 use crate::common::drawing::Device;
 use crate::worlds::{
     Look, at_level_0, bricks, channel, covered, finished, hill, other_hill, paged, psnr_db,
-    scene_text, volume, waves,
+    scene_text, volume, waves, with_transfer,
 };
 
 const EDGE: u32 = 64;
@@ -245,9 +245,7 @@ fn losses_of_levels_add_up_as_squares() {
     let ramp = "transfer = [\n{ at = 0.0, color = [1, 1, 1], extinction = 0.0 },\n\
         { at = 1.0, color = [1, 1, 1], extinction = 4.0 },\n]\n";
     let text = text_of(&[(0, None)], Look::Corner);
-    let (begin, end) = (text.find("transfer = ["), text.find("[[view]]"));
-    let (begin, end) = (begin.expect("a transfer"), end.expect("a view"));
-    let text = format!("{}{ramp}{}", &text[..begin], &text[end..]);
+    let text = with_transfer(&text, ramp);
     for (values, level) in [(0.0, 0), (2.9, 0), (3.1, 1), (4.9, 1), (5.1, 2)] {
         let overrides = Overrides { level_loss: Some(values / 255.0), ..substitute(0.5) };
         let scene = Scene::from_toml(&text, std::path::Path::new("made.toml"), &overrides)

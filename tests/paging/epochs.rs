@@ -13,7 +13,7 @@ use ashfall::volume::{BrickId, VoxelFormat};
 use crate::common::drawing::Device;
 use crate::worlds::{
     Look, assert_same, at_level_0, bricks, channel, covered, finished, paged, scene, scene_text,
-    slots, volume,
+    slots, volume, with_transfer,
 };
 
 /// Only a failure takes so long.
@@ -78,8 +78,6 @@ impl BrickSource for Changing {
 fn marked(source: Arc<dyn BrickSource>) -> SceneData {
     let data = scene(source, Look::Corner, &at_level_0());
     let text = scene_text(&[VoxelFormat::U8], Look::Corner);
-    let (begin, end) = (text.find("transfer = ["), text.find("[[view]]"));
-    let (begin, end) = (begin.expect("a transfer"), end.expect("a view"));
     let transfer = "transfer = [\n\
         { at = 0.05, color = [1.0, 0.0, 0.0], extinction = 0.0 },\n\
         { at = 0.1, color = [1.0, 0.0, 0.0], extinction = 1.0 },\n\
@@ -89,7 +87,7 @@ fn marked(source: Arc<dyn BrickSource>) -> SceneData {
         { at = 0.6, color = [0.0, 1.0, 0.0], extinction = 1.0 },\n\
         { at = 0.9, color = [0.0, 1.0, 0.0], extinction = 2.0 },\n\
         { at = 0.95, color = [0.0, 1.0, 0.0], extinction = 0.0 },\n]\n";
-    let text = format!("{}{transfer}{}", &text[..begin], &text[end..]);
+    let text = with_transfer(&text, transfer);
     let path = std::path::Path::new("marked.toml");
     let parsed = ashfall::scene::Scene::from_toml(&text, path, &at_level_0());
     SceneData { scene: parsed.unwrap_or_else(|why| panic!("{why}")), ..data }

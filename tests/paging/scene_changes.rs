@@ -18,7 +18,7 @@ use ashfall::volume::{BrickId, VoxelFormat};
 use crate::common::drawing::Device;
 use crate::worlds::{
     Field, Look, assert_same, at_level_0, bricks, channel, covered, finished, hill, other_hill,
-    paged, scene_text, volume,
+    paged, scene_text, volume, with_transfer,
 };
 
 /// Only a failure takes so long.
@@ -57,8 +57,6 @@ fn scene(source: &Arc<dyn BrickSource>, channels: &[u16], refine: Refine) -> Sce
 /// Low values red, high ones green: channel 2 of [`four_channels`], and channel 3.
 fn marks(source: &Arc<dyn BrickSource>, channel: u16, refine: Refine) -> SceneData {
     let text = scene_text(&[VoxelFormat::U8], Look::Corner);
-    let (begin, end) = (text.find("transfer = ["), text.find("[[view]]"));
-    let (begin, end) = (begin.expect("a transfer"), end.expect("a view"));
     let transfer = "transfer = [\n\
         { at = 0.0, color = [1.0, 0.0, 0.0], extinction = 0.0 },\n\
         { at = 0.2, color = [1.0, 0.0, 0.0], extinction = 0.0 },\n\
@@ -68,7 +66,7 @@ fn marks(source: &Arc<dyn BrickSource>, channel: u16, refine: Refine) -> SceneDa
         { at = 0.6, color = [0.0, 1.0, 0.0], extinction = 0.0 },\n\
         { at = 0.8, color = [0.0, 1.0, 0.0], extinction = 2.0 },\n\
         { at = 1.0, color = [0.0, 1.0, 0.0], extinction = 1.0 },\n]\n";
-    let text = format!("{}{transfer}{}", &text[..begin], &text[end..]);
+    let text = with_transfer(&text, transfer);
     of_text(source, &[channel], &text, refine)
 }
 

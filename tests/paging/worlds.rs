@@ -154,6 +154,13 @@ pub fn scene_text(formats: &[VoxelFormat], look: Look) -> String {
     text
 }
 
+/// A scene's text with another transfer function in its only channel.
+pub fn with_transfer(text: &str, transfer: &str) -> String {
+    let (begin, end) = (text.find("transfer = ["), text.find("[[view]]"));
+    let (begin, end) = (begin.expect("a transfer"), end.expect("a view"));
+    format!("{}{transfer}{}", &text[..begin], &text[end..])
+}
+
 fn parsed(source: &dyn BrickSource, look: Look, overrides: &Overrides) -> Scene {
     let channels = &source.description().channels;
     let formats: Vec<_> = channels.iter().map(|channel| channel.format).collect();

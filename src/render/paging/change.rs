@@ -14,6 +14,7 @@ use crate::render::paging::leaf_words::LeafChannel;
 use crate::render::paging::paged::Paged;
 use crate::render::paging::plan::PagingPlan;
 use crate::render::paging::traversal_choice::TraversalChoice;
+use crate::residency::AtlasPlan;
 use crate::twins::forget::Push;
 
 /// A channel of which something is forgotten.
@@ -32,7 +33,7 @@ impl PagingPlan {
             plan.numbers.channels.iter().map(|place| (place.atlas, place.in_atlas)).collect()
         };
         let atlases = |plan: &PagingPlan| -> Vec<_> {
-            let of = |atlas: &crate::residency::AtlasPlan| (atlas.layout, atlas.shape);
+            let of = |atlas: &AtlasPlan| (atlas.layout, atlas.shape);
             plan.residency.atlases.iter().map(of).collect()
         };
         let lists = |plan: &PagingPlan| {
