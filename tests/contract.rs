@@ -265,6 +265,7 @@ fn shape(channels: &[ChannelShape], filter: FilterShape) -> Shape {
         nan_voxels: false,
         preintegrated: false,
         macrocells: MacrocellUse::Unused,
+        sample_every: Vec::new(),
     }
 }
 
@@ -274,6 +275,10 @@ fn skipping(shape: Shape) -> Shape {
 
 fn adaptive(shape: Shape) -> Shape {
     Shape { macrocells: MacrocellUse::Adaptive, ..shape }
+}
+
+fn rates(shape: Shape) -> Shape {
+    Shape { sample_every: vec![2, 1, 8], ..shape }
 }
 
 fn spans(shape: Shape) -> Shape {
@@ -299,6 +304,8 @@ fn shapes() -> Vec<Shape> {
         shape(&[SCALAR, Constant, RGBA], Fetch),
         full(shape(&[SCALAR, SCALAR, SCALAR], Quads)),
         full(shape(&[SCALAR; 16], Fetch)),
+        rates(shape(&[SCALAR], Quads)),
+        rates(skipping(full(shape(&[SCALAR, Constant, RGBA], Fetch)))),
         // Segments that are searched: too many of one channel, too many of all.
         shape(&[ChannelShape::Scalar { segments: 25 }], Fetch),
         full(shape(&[ChannelShape::Rgba { segments: 24 }; 16], Fetch)),
@@ -335,6 +342,7 @@ fn brick_shapes() -> Vec<BrickShape> {
         views: 1,
         skipping: false,
         octree: None,
+        closed_form: false,
         show_states: false,
         marks: true,
         payload: [32; 3],
@@ -361,6 +369,14 @@ fn brick_shapes() -> Vec<BrickShape> {
         BrickShape { skipping: true, ..plain.clone() },
         BrickShape { marks: false, ..plain.clone() },
         BrickShape { octree: Some(octree(8)), ..plain.clone() },
+        BrickShape { octree: Some(octree(8)), closed_form: true, ..plain.clone() },
+        BrickShape { march: rates(plain.march.clone()), ..plain.clone() },
+        BrickShape {
+            octree: Some(octree(8)),
+            march: rates(shape(&[SCALAR, RGBA], FilterShape::Fetch)),
+            show_states: false,
+            ..full.clone()
+        },
         BrickShape { octree: Some(octree(32)), march: spans(plain.march.clone()), ..plain.clone() },
         BrickShape { octree: Some(octree(16)), show_states: false, ..full.clone() },
         BrickShape {

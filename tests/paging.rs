@@ -27,6 +27,8 @@ mod plan;
 mod recovery;
 #[path = "paging/same_bytes.rs"]
 mod same_bytes;
+#[path = "paging/sample_rates.rs"]
+mod sample_rates;
 #[path = "paging/scene_changes.rs"]
 mod scene_changes;
 #[path = "paging/substitute.rs"]

@@ -134,6 +134,7 @@ fn the_plainest_scene_binds_nothing_it_does_not_read() {
             preintegrated: false,
             macrocells: ashfall::passes::march_shape::MacrocellUse::Unused,
             nan_voxels: false,
+            sample_every: Vec::new(),
         },
         1,
     ));

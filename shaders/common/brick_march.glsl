@@ -12,6 +12,7 @@
 //          ATLASES; PAYLOAD, SLOT: voxels and texels of a brick along each axis; FILTER_SAMPLER,
 //          FILTER_FETCH or FILTER_QUADS; SKIPPING: bricks of nothing are crossed in one step;
 //          OCTREE: boxes of nothing are, and channels that show nothing in a run need no brick there;
+//          CLOSED_FORM: a box of one value is one sample, as long as the ray is in it; OCTREE alone;
 //          SUBSTITUTE: a ray takes a coarser level for a missing brick and does not wait;
 //          SHOW_STATES: what a ray met is remembered; EARLY_STOP; PREINTEGRATED: a sample is two spans,
 //          between its place and half a step before and after it; SPAN_CHANNELS: one SPAN_ call per
@@ -158,6 +159,11 @@ uniform sampler3D atlases[ATLASES];
 
 #endif
 
+#ifdef SAMPLED_CHANNELS
+#define SAMPLED(BIT, STEPS, SAMPLES) \
+    sampled |= (box.shows & BIT) != 0u ? samples_taken_of(STEPS, SAMPLES, samples) : 0u;
+#endif
+
 // Points fetched for so many samples of one brick.
 #ifdef PREINTEGRATED
 #define POINTS_OF(samples) (2u * (samples) + 1u)
@@ -240,6 +246,9 @@ void march_bricks(
 #ifdef OCTREE
         // Before them which samples show something, box by box. A run begins where one does.
         uint shown = 0u;
+#ifdef CLOSED_FORM
+        uint alike = 0u;  // as the sample before, in one box with it
+#endif
         uint runs = 0u;
         uvec4 begins = uvec4(0xffffffffu);
         uvec4 channels_of_run = uvec4(0u);
@@ -262,7 +271,16 @@ void march_bricks(
             begins = min(begins, mix(uvec4(0xffffffffu), uvec4(known), in_run));
             channels_of_run |= mix(uvec4(0u), uvec4(shows ? box.shows : 0u), in_run);
             last_brick = shows ? brick : last_brick;
-            shown |= shows ? bits_between(known, end) : 0u;
+            uint here = shows ? bits_between(known, end) : 0u;
+#ifdef SAMPLED_CHANNELS
+            uint sampled = 0u;
+            SAMPLED_CHANNELS
+            here &= sampled;
+#endif
+            shown |= here;
+#ifdef CLOSED_FORM
+            alike |= shows && box.alike ? here & (here - 1u) : 0u;
+#endif
             known = room ? end : known;
         }
         while (run < runs && !missing) {
@@ -332,6 +350,9 @@ void march_bricks(
         uint phase = 0u;  // point of the sample: its start, middle, end
 #endif
 #if defined(OCTREE) && !defined(PREINTEGRATED)
+#ifdef CLOSED_FORM
+        shown &= ~alike;
+#endif
         uint at = uint(findLSB(shown)) & 31u;
         while (shown != 0u) {
             Medium media[SAMPLES_AT_ONCE];
@@ -343,6 +364,13 @@ void march_bricks(
                 shown &= shown - 1u;
                 state.samples_taken += there ? 1u : 0u;
                 lengths_world[which] = there ? geometry.step_world : 0.0;
+#ifdef CLOSED_FORM
+                // What each of them lets through, multiplied, is what their whole length does.
+                lengths_world[which] *= float(1u + uint(findLSB(~(alike >> at >> 1u))));
+#endif
+#ifdef SAMPLED_CHANNELS
+                uint number = at;
+#endif
                 bvec3 past = greaterThanEqual(uvec3(at), run_end);
                 vec3 position = anchor_fraction + float(at) * step_voxel;
                 vec3 cell = floor(position);
@@ -392,6 +420,9 @@ void march_bricks(
             phase = ends ? (joined ? 1u : 0u) : phase + 1u;
 #else
             Medium medium = Medium(vec3(0.0), 0.0);
+#ifdef SAMPLED_CHANNELS
+            uint number = sample_index;
+#endif
             SAMPLE_CHANNELS
             composite(block, medium, geometry.step_world);
             ++sample_index;

@@ -3,7 +3,8 @@
 //
 // binds    transfer  [segment]  transfer functions of all channels, one after another
 // variants SEGMENTS_TOTAL: of all channels, or TRANSFER_SEARCH and SEARCH_STEPS where they are too
-//          many to select from; NAN_VOXELS; SEVERAL_CHANNELS
+//          many to select from; NAN_VOXELS; SEVERAL_CHANNELS;
+//          SAMPLED_CHANNELS: one SAMPLED call per channel, where some take fewer samples than rays
 // source   emission and absorption, midpoint rule; weights 1 - exp(-sigma h) as in
 //          residency-octree-2023 section 6; blocks keep sums short
 #include "common/exponential.glsl"
@@ -95,6 +96,32 @@ void mix_in(inout Medium medium, vec3 color, float extinction) {
 // Every voxel has one value, which the host has classified.
 #define LOAD_CONSTANT(NAME, FIRST) vec4 NAME##_medium = segments[FIRST].start;
 #define SAMPLE_CONSTANT(NAME) mix_in(medium, NAME##_medium.rgb, NAME##_medium.a);
+
+#ifdef SAMPLED_CHANNELS
+// One sample of so many, a power of two, that stands for all of them; at the ray's end, where fewer are left,
+// each for itself. `number` counts within the block of `samples`; SAMPLES: those that are taken.
+#define SAMPLED_EVERY(STEPS, SAMPLES, SAMPLE) \
+    if ((samples_taken_of(STEPS, SAMPLES, samples) >> number & 1u) != 0u) { \
+        Medium others = medium; \
+        medium = Medium(vec3(0.0), 0.0); \
+        SAMPLE \
+        medium = joined_media(others, medium, number < (samples & ~(STEPS - 1u)) ? float(STEPS) : 1.0); \
+    }
+
+uint samples_taken_of(uint steps, uint taken, uint samples) {
+    uint whole = samples & ~(steps - 1u);
+    return whole < 32u ? taken | 0xffffffffu << whole : taken;
+}
+
+Medium joined_media(Medium others, Medium medium, float steps) {
+#ifdef SEVERAL_CHANNELS
+    return Medium(
+        others.emission + steps * medium.emission, others.extinction + steps * medium.extinction);
+#else
+    return Medium(medium.emission, steps * medium.extinction);
+#endif
+}
+#endif
 
 // A block of samples, composited front to back.
 struct Block {

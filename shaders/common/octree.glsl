@@ -4,7 +4,8 @@
 // binds    level_leaves  [level]  where the leaves of a level lie
 //          leaf_words    [word]   channels that show, and how far up; WORD_BITS each
 // spaces   voxels of the level, corner origin
-// variants LEAF: voxels along the edges of a leaf of level 0; WORD_BITS: 8, 16 or 32
+// variants LEAF: voxels along the edges of a leaf of level 0; WORD_BITS: 8, 16 or 32;
+//          CLOSED_FORM: boxes say whether they have one value
 // source   residency-octree-2023 section 6.1 and figure 8; docs/OCTREE.md
 struct LevelLeaves {
     uvec3 leaves;       // along each axis
@@ -24,6 +25,9 @@ layout(std430) readonly buffer leaf_words { uint packed_words[]; };
 
 struct Box {
     uint shows;   // bits of the channels that show something
+#ifdef CLOSED_FORM
+    bool alike;   // each of them has one value
+#endif
     ivec3 first;  // voxel
     ivec3 edge;   // voxels along each axis
 };
@@ -43,6 +47,9 @@ Box box_around(LevelLeaves of_level, ivec3 voxel) {
     uint rise = word >> (WORD_CHANNELS + 1);
     Box box;
     box.shows = word & ((1u << WORD_CHANNELS) - 1u);
+#ifdef CLOSED_FORM
+    box.alike = (word & (1u << WORD_CHANNELS)) != 0u;
+#endif
     uvec3 shift = (of_level.rises >> (3u * rise)) & 7u;
     shift = box.shows == 0u ? shift : min(shift, of_level.brick_shift);
     box.first = ivec3(((leaf >> shift) << shift) * edge);

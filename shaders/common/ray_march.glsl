@@ -11,7 +11,7 @@
 //          IMAGES: how many channels have an image;
 //          FILTER_SAMPLER, FILTER_FETCH or FILTER_QUADS; EARLY_STOP; NAN_VOXELS; SEVERAL_CHANNELS;
 //          PREINTEGRATED: a sample is two spans, between its place and half a step before and after it;
-//          SPAN_CHANNELS: one SPAN_ call per channel;
+//          SPAN_CHANNELS: one SPAN_ call per channel; SAMPLED_CHANNELS as common/classify.glsl;
 //          MACROCELLS: samples in macrocells that show nothing are left out, which changes no bit;
 //          ADAPTIVE: samples stand for as many steps as their macrocells allow
 // source   emission and absorption, midpoint rule; weights 1 - exp(-sigma h) as in
@@ -184,6 +184,9 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
         for (uint first = 0u; first < samples; first += AT_ONCE) {
 #endif
             vec3 positions[AT_ONCE];
+#ifdef SAMPLED_CHANNELS
+            uint numbers[AT_ONCE];
+#endif
             // 0 where fewer are left: such a sample changes no bit.
             float lengths_world[AT_ONCE];
             [[unroll]] for (uint which = 0u; which < AT_ONCE; ++which) {
@@ -211,6 +214,9 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
                 uint index = there ? first + which : first;
 #endif
                 positions[which] = anchor_fraction + float(index) * step_voxel;
+#ifdef SAMPLED_CHANNELS
+                numbers[which] = index;
+#endif
                 lengths_world[which] = there ? geometry.step_world : 0.0;
 #endif
             }
@@ -220,6 +226,9 @@ void march_ray(RayGeometry geometry, inout RayState state, uint blocks_max, floa
                 vec3 within = positions[which] - cell;
                 ivec3 corner = anchor.cell + ivec3(cell) + 1;
                 Medium medium = Medium(vec3(0.0), 0.0);
+#ifdef SAMPLED_CHANNELS
+                uint number = numbers[which];
+#endif
                 SAMPLE_CHANNELS
                 media[which] = medium;
             }

@@ -120,7 +120,14 @@ fn look(
         point(1.0, bright, extinction),
     ])
     .map_err(|(_, why)| Error::input(why))?;
-    Ok(Channel { index: index as u32, window, transfer, level_min: 0, level_max: None })
+    Ok(Channel {
+        index: index as u32,
+        window,
+        transfer,
+        level_min: 0,
+        level_max: None,
+        sample_every: 1,
+    })
 }
 
 fn diagonal_world(placed: &Placed) -> f64 {

@@ -50,6 +50,8 @@ pub struct BrickShape {
     pub skipping: bool,
     /// Whether boxes of nothing are, and how leaves lie.
     pub octree: Option<OctreeShape>,
+    /// Whether boxes of one value are crossed in one sample; with an octree alone.
+    pub closed_form: bool,
     /// Whether rays remember what they met.
     pub show_states: bool,
     /// Whether rays mark the slots that they use: off for `bench overhead` alone.
@@ -117,6 +119,7 @@ impl BrickShape {
             .define("SLOT", triple(self.slot));
         let mut flags = vec![
             ("SKIPPING", self.skipping && self.octree.is_none()),
+            ("CLOSED_FORM", self.closed_form),
             ("SHOW_STATES", self.show_states),
             ("UNMARKED", !self.marks),
             ("CHANNEL_LEVELS", self.channel_levels()),

@@ -1,6 +1,7 @@
 //! What shapes the shaders that march rays: only what the scene has gets into them.
 
 use crate::gpu::{Buffer, ComputePipeline, Dispatch, Image, Sampler, Variant};
+use crate::twins::bits::samples_of;
 use crate::twins::limits::BLOCK_SAMPLES;
 use crate::twins::macrocells::LEVEL_WHOLE;
 
@@ -64,6 +65,9 @@ const UNIFORM_SEGMENTS_MAX: u32 = 341;
 pub struct Shape {
     /// In the scene's order.
     pub channels: Vec<ChannelShape>,
+    /// For each channel, of how many samples it takes one: a power of two up to half a block; of those that are not
+    /// listed 1. For the midpoint rule alone.
+    pub sample_every: Vec<u32>,
     /// For all channels with an image.
     pub filter: FilterShape,
     /// Whether rays may end before the volume does.
@@ -80,6 +84,11 @@ impl Shape {
     /// How many channels have an image.
     pub fn images(&self) -> usize {
         self.channels.iter().filter(|channel| **channel != ChannelShape::Constant).count()
+    }
+
+    /// Whether some channel leaves samples out.
+    pub fn has_rates(&self) -> bool {
+        self.sample_every.iter().any(|every| *every > 1)
     }
 
     /// Whether segments are searched in a storage buffer, since some channel has too many to select
@@ -120,7 +129,7 @@ impl Shape {
     /// image each channel samples.
     pub(super) fn define(&self, mut variant: Variant, declare: &str, images: &[usize]) -> Variant {
         let (mut load, mut sample) = (declare.to_owned(), String::new());
-        let mut span = String::new();
+        let (mut span, mut sampled) = (String::new(), String::new());
         let mut first = 0;
         for (index, (channel, image)) in self.channels.iter().zip(images).enumerate() {
             let kind = match channel {
@@ -139,7 +148,15 @@ impl Shape {
             };
             let segments = channel.segments();
             load += &format!("LOAD_SEGMENTS(channel_{index}, {first}, {segments}) ");
-            sample += &format!("SAMPLE_{kind}(channel_{index}, {image}, {segments}) ");
+            let every = self.sample_every.get(index).copied().unwrap_or(1);
+            let of_channel = format!("SAMPLE_{kind}(channel_{index}, {image}, {segments})");
+            sample += &match every {
+                1 => of_channel,
+                _ => format!("SAMPLED_EVERY({every}u, {}u, {of_channel})", samples_of(every)),
+            };
+            sample += " ";
+            let bit = 1u32.checked_shl(index as u32).unwrap_or(0);
+            sampled += &format!("SAMPLED({bit}u, {every}u, {}u) ", samples_of(every));
             if self.preintegrated {
                 load += &format!("DECLARE_POINTS(channel_{index}) ");
             }
@@ -155,6 +172,9 @@ impl Shape {
             .define("SAMPLE_CHANNELS", sample.trim_end());
         if self.preintegrated {
             variant = variant.define("SPAN_CHANNELS", span.trim_end());
+        }
+        if self.has_rates() {
+            variant = variant.define("SAMPLED_CHANNELS", sampled.trim_end());
         }
         variant = if self.searches() {
             let most = self.channels.iter().map(|channel| channel.segments()).max().unwrap_or(1);

@@ -13,6 +13,7 @@ mod plan_objects;
 mod plan_text;
 mod planned_layout;
 mod renderer;
+mod sample_rates;
 mod scene_change;
 mod scene_data;
 mod settings;

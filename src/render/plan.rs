@@ -16,6 +16,7 @@ use crate::render::paging::{CopyPath, PagingPlan, PlannedOctree, longest_diagona
 use crate::render::plan_images::{ChannelFacts, plan_images};
 use crate::render::plan_objects::{copies_of, objects, plan_buffers, planned_buffers, queues_text};
 use crate::render::planned_layout::{LayoutMeter, PlannedLayout};
+use crate::render::sample_rates::sample_rates;
 use crate::render::scene_data::SceneData;
 use crate::render::settings::{Addressing, LOOP_TURNS_MAX, Settings};
 use crate::render::transfer_segments::{classify_constant, open_both_ends, transfer_segments};
@@ -213,6 +214,7 @@ impl Plan {
             nan_voxels: facts.iter().any(|facts| facts.nan_count > 0),
             preintegrated: preintegrated && !homogeneous,
             macrocells: MacrocellUse::Unused,
+            sample_every: if homogeneous { Vec::new() } else { sample_rates(scene)? },
         };
         let macrocells = PlannedMacrocells::new(data, &facts, &texel_layouts, settings)?;
         if let Some(planned) = &macrocells {

@@ -176,7 +176,14 @@ mod tests {
     fn channel(points: &[(f64, f64)]) -> Channel {
         let point = |&(at, extinction)| TransferPoint { at, color: [at, 0.5, 1.0], extinction };
         let transfer = TransferFunction::new(points.iter().map(point).collect()).expect("valid");
-        Channel { index: 0, window: [-1.0, 3.0], transfer, level_min: 0, level_max: None }
+        Channel {
+            index: 0,
+            window: [-1.0, 3.0],
+            transfer,
+            level_min: 0,
+            level_max: None,
+            sample_every: 1,
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use toml::Spanned;
 use crate::error::Result;
 use crate::scene::check::{Check, Located};
 use crate::scene::file::ChannelFile;
-use crate::scene::{Channel, Place, TransferFunction, TransferPoint};
+use crate::scene::{Channel, Place, SAMPLE_EVERY_MAX, TransferFunction, TransferPoint};
 
 impl Check<'_> {
     /// The channel that stands at this position of the volume.
@@ -74,8 +74,24 @@ impl Check<'_> {
                 format!("level_max must be at least level_min, got {most} and {level_min}"),
             ));
         }
-        Ok(Channel { index, window: window.value, transfer, level_min, level_max })
+        let sample_every = match file.sample_every.map(|every| self.located(every)) {
+            None => 1,
+            Some(every) => checked_rate(every.value).ok_or_else(|| {
+                let why = format!(
+                    "sample_every must be a power of two from 1 to {SAMPLE_EVERY_MAX}, got {}",
+                    every.value
+                );
+                refuse(&every.place, why)
+            })?,
+        };
+        Ok(Channel { index, window: window.value, transfer, level_min, level_max, sample_every })
     }
+}
+
+/// Of how many samples a channel takes one.
+fn checked_rate(every: i64) -> Option<u32> {
+    let every = u32::try_from(every).ok()?;
+    (every.is_power_of_two() && every <= SAMPLE_EVERY_MAX).then_some(every)
 }
 
 /// A level's number, or what is wrong with it.

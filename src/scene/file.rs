@@ -91,6 +91,7 @@ pub(super) struct ChannelFile {
     pub transfer: Option<Spanned<Vec<Spanned<PointFile>>>>,
     pub level_min: Option<Spanned<i64>>,
     pub level_max: Option<Spanned<i64>>,
+    pub sample_every: Option<Spanned<i64>>,
 }
 
 #[derive(Deserialize)]

@@ -208,6 +208,9 @@ pub enum Source {
     },
 }
 
+/// Most samples of a ray that one of a channel may stand for.
+pub const SAMPLE_EVERY_MAX: u32 = crate::twins::limits::BLOCK_SAMPLES / 2;
+
 /// `[[volume.channel]]`
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
@@ -221,4 +224,7 @@ pub struct Channel {
     pub level_min: u8,
     /// Coarsest level at which it is drawn; nothing: as the pixel's footprint says.
     pub level_max: Option<u8>,
+    /// Of how many samples of a ray it takes one, which stands for all of them: a power of two up to
+    /// [`SAMPLE_EVERY_MAX`].
+    pub sample_every: u32,
 }

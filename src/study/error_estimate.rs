@@ -170,7 +170,10 @@ impl Drawing<'_> {
         let asked = data.scene.quality.clone();
         let channels = data.scene.volumes[0].channels.clone();
         // What they are compared with has all channels at the level that rays are in.
-        data.scene.volumes[0].channels.iter_mut().for_each(|channel| channel.level_min = 0);
+        data.scene.volumes[0].channels.iter_mut().for_each(|channel| {
+            channel.level_min = 0;
+            channel.sample_every = 1;
+        });
         let found = self.compared(data, by, drawn, &asked);
         data.scene.quality = asked;
         data.scene.volumes[0].channels = channels;

@@ -355,7 +355,14 @@ fn window_of(number: usize, band: usize, bounds: [f64; 5], edge_world: f64) -> R
     let transfer = TransferFunction::new(points)
         .map_err(|(_, why)| Error { exit: Exit::Bug, message: why })?;
     let window = [bounds[band], bounds[band + 1]];
-    Ok(Channel { index: number as u32, window, transfer, level_min: 0, level_max: None })
+    Ok(Channel {
+        index: number as u32,
+        window,
+        transfer,
+        level_min: 0,
+        level_max: None,
+        sample_every: 1,
+    })
 }
 
 /// Sixteen channels of volumes, each in turn, in the first one's grid: each channel's material, place and

@@ -31,6 +31,8 @@ pub struct Channel<'a> {
     pub segments: &'a [TransferSegment],
     /// Level that it is drawn at where rays are in a finer one.
     pub finest: u32,
+    /// Of how many samples it takes one.
+    pub sample_every: u32,
 }
 
 /// The scene as the shader sees it.
@@ -49,6 +51,8 @@ pub struct Scene<'a> {
     pub skipping: bool,
     /// Boxes of nothing are, and channels that show nothing in a run need no brick there.
     pub octree: Option<Leaves<'a>>,
+    /// Boxes of one value are one sample.
+    pub closed_form: bool,
 }
 
 /// What one channel has in a brick.

@@ -1,7 +1,7 @@
 //! A ray's way through the bricks of a volume; twin of `shaders/common/brick_march.glsl`, but for the
 //! papers' order.
 
-use crate::twins::bits::{bits_between, each_bit};
+use crate::twins::bits::{bits_between, each_bit, samples_taken_of};
 use crate::twins::brick_look_up::{Channel, Found, Has, Scene, look_up, substitute};
 use crate::twins::cache::Cache;
 use crate::twins::classify::{Block, Medium, join_block};
@@ -12,6 +12,7 @@ use crate::twins::limits::{
     BLOCK_SAMPLES, ENTRY_ABSENT, ENTRY_EXPECTED, ENTRY_FAILED, ENTRY_HIDDEN,
 };
 use crate::twins::march_bricks::Push;
+use crate::twins::octree::Here;
 use crate::twins::preintegrate::{Content, Point, Span, composite_span};
 use crate::twins::ranks::place_of_brick;
 use crate::twins::ray::{RayGeometry, RayState};
@@ -37,6 +38,8 @@ pub struct Settings {
 struct Run {
     /// Samples that are taken, bit by bit.
     shown: u32,
+    /// Those of them that are as the one before, in one box with it.
+    alike: u32,
     found: Vec<Found>,
 }
 
@@ -87,23 +90,35 @@ pub fn march_bricks(
         let mut runs: Vec<Run> = Vec::new();
         let mut known = sample_index;
         // With an octree, which samples show something is known before any brick is looked up.
-        let mut ahead: Vec<(u32, u32, u32)> = Vec::new();
+        let mut ahead: Vec<(u32, u32, u32, u32)> = Vec::new();
         let mut last_brick = [-1; 3];
         while let (Some(leaves), true) = (&scene.octree, known < samples) {
             let (voxel, brick) = brick_at(known);
-            let (shows, first, edge) = leaves.around(level, voxel);
+            let Here { shows, one_value, first, edge } = leaves.around(level, voxel);
             let end = until(known, first, edge);
             if shows != 0 {
                 if brick != last_brick && ahead.len() == RUNS {
                     break;
                 }
                 if brick != last_brick {
-                    ahead.push((known, 0, 0));
+                    ahead.push((known, 0, 0, 0));
                     last_brick = brick;
                 }
-                let (_, channels, shown) = ahead.last_mut().expect("a run was begun");
+                let (_, channels, shown, alike) = ahead.last_mut().expect("a run was begun");
+                let sampled =
+                    scene.channels.iter().enumerate().fold(0, |sampled, (at, channel)| {
+                        sampled
+                            | if shows >> at & 1 == 1 {
+                                samples_taken_of(channel.sample_every, samples)
+                            } else {
+                                0
+                            }
+                    });
+                let here = bits_between(known, end.min(samples)) & sampled;
                 *channels |= shows;
-                *shown |= bits_between(known, end.min(samples));
+                *shown |= here;
+                *alike |=
+                    if scene.closed_form && one_value { here & here.wrapping_sub(1) } else { 0 };
             }
             known = if shows != 0 { end.min(samples) } else { end };
         }
@@ -111,7 +126,7 @@ pub fn march_bricks(
         while runs.len() < RUNS {
             let of_octree = next.next();
             let (first, needed) = match (of_octree, &scene.octree) {
-                (Some((first, channels, _)), _) => (*first, *channels),
+                (Some((first, channels, ..)), _) => (*first, *channels),
                 (None, None) if known < samples => (known, u32::MAX),
                 _ => break,
             };
@@ -145,22 +160,23 @@ pub fn march_bricks(
                 partial.met |= MET_PENDING;
             }
             let nothing = found.iter().all(|found| matches!(found.has, Has::Nothing));
-            let shown = match of_octree {
-                Some((_, _, shown)) => *shown,
+            let (shown, alike) = match of_octree {
+                Some((_, _, shown, alike)) => (*shown, *alike),
                 None => {
                     let first_voxel = std::array::from_fn(|a| brick[a] * scene.payload[a]);
                     let begin = known;
                     known = until(known, first_voxel, scene.payload);
-                    match scene.skipping && nothing {
+                    let shown = match scene.skipping && nothing {
                         true => 0,
                         false => {
                             known = known.min(samples);
                             bits_between(begin, known)
                         }
-                    }
+                    };
+                    (shown, 0)
                 }
             };
-            runs.push(Run { shown, found });
+            runs.push(Run { shown, alike, found });
         }
         sample_index = known;
         let texel = |channel: &Channel, found: &Found, origin: [i32; 3], steps: f32| {
@@ -175,7 +191,7 @@ pub fn march_bricks(
             let way = std::array::from_fn(|a| 0.5 * step_voxel[a] / (1 << found.shift[a]) as f32);
             filtered_along(&channel.atlas, corner, within, way, |texel| texel)
         };
-        for Run { shown, found } in &runs {
+        for Run { shown, alike, found } in &runs {
             let channels = || scene.channels.iter().zip(found);
             if settings.preintegrated {
                 for index in each_bit(*shown) {
@@ -209,10 +225,10 @@ pub fn march_bricks(
                 let groups = (shown & !(shown << 1)).count_ones();
                 state.samples_taken += 2 * shown.count_ones() + groups;
             } else {
-                for index in each_bit(*shown) {
+                for index in each_bit(*shown & !*alike) {
                     let mut medium = Medium::new(scene.channels.len() > 1);
                     for (channel, found) in channels() {
-                        let classified = match found.has {
+                        let classified = || match found.has {
                             Has::Nothing => [0.0; 4],
                             Has::Constant(texel) => classified_or_nothing(channel.segments, texel),
                             Has::Slot { origin } => {
@@ -220,11 +236,12 @@ pub fn march_bricks(
                                 classified_or_nothing(channel.segments, texel)
                             }
                         };
-                        medium.mix_in(classified);
+                        medium.mix_in_every(classified, (index, samples), channel.sample_every);
                     }
-                    block.composite(medium.mixed(), geometry.step_world);
+                    let steps = 1 + (!(alike >> index >> 1)).trailing_zeros();
+                    block.composite(medium.mixed(), steps as f32 * geometry.step_world);
                 }
-                state.samples_taken += shown.count_ones();
+                state.samples_taken += (shown & !alike).count_ones();
             }
         }
         if sample_index >= samples {

@@ -1,5 +1,6 @@
 //! From samples to a block, and from blocks to a ray; twin of `shaders/common/classify.glsl`.
 
+use crate::twins::bits::samples_taken_of;
 use crate::twins::exponential::{attenuate, attenuate_bounded};
 use crate::twins::limits::OPAQUE_DEPTH;
 use crate::twins::ray::RayState;
@@ -56,6 +57,21 @@ impl Medium {
             *sum += extinction * color;
         }
         self.extinction += extinction;
+    }
+
+    /// Adds what one channel gives that takes one of `every` samples: nothing, or as much as all of them.
+    /// `number`: of the sample, in its block of `samples`.
+    pub fn mix_in_every(
+        &mut self,
+        classified: impl FnOnce() -> [f32; 4],
+        (number, samples): (u32, u32),
+        every: u32,
+    ) {
+        if samples_taken_of(every, samples) >> number & 1 == 1 {
+            let [r, g, b, extinction] = classified();
+            let steps = if number < samples & !(every - 1) { every as f32 } else { 1.0 };
+            self.mix_in([r, g, b, steps * extinction]);
+        }
     }
 
     /// rgb and extinction of all channels together.

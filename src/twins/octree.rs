@@ -273,7 +273,7 @@ pub struct Leaves<'a> {
 impl Leaves<'_> {
     /// Which channels show something around a voxel of a level, and in how large a box that is all; where
     /// some does, in one brick.
-    pub fn around(&self, level: usize, voxel: [i32; 3]) -> (u32, [i32; 3], [i32; 3]) {
+    pub fn around(&self, level: usize, voxel: [i32; 3]) -> Here {
         let of_level = &self.levels[level];
         let edge: [u32; 3] = std::array::from_fn(|a| self.leaf[a] << of_level.shift[a]);
         let leaf: [u32; 3] =
@@ -291,10 +291,11 @@ impl Leaves<'_> {
             if shows == 0 { risen } else { risen.min(of_level.brick_shift[axis]) }
         });
         let first = |axis: usize| (leaf[axis] >> shift[axis] << shift[axis]) * edge[axis];
-        (
+        Here {
             shows,
-            std::array::from_fn(|axis| first(axis) as i32),
-            std::array::from_fn(|axis| (edge[axis] << shift[axis]) as i32),
-        )
+            one_value: word & ONE_VALUE != 0,
+            first: std::array::from_fn(|axis| first(axis) as i32),
+            edge: std::array::from_fn(|axis| (edge[axis] << shift[axis]) as i32),
+        }
     }
 }

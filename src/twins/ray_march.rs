@@ -47,6 +47,8 @@ pub struct Settings<'a> {
     pub preintegrated: bool,
     /// Codes of macrocells; nothing: every sample is taken.
     pub macrocells: Option<MacrocellCodes<'a>>,
+    /// For each channel, of how many samples it takes one; of those that are not listed 1.
+    pub sample_every: &'a [u32],
 }
 
 /// What rays do with macrocells.
@@ -118,7 +120,10 @@ pub fn march_ray<'a>(
                         length = length_of(longer.min(level.max(LEVEL_WHOLE)));
                     }
                     let (corner, within) = place(start as f32 - 0.5 + from + 0.5 * length);
-                    block.composite(mixed(channels, corner, within), length * geometry.step_world);
+                    block.composite(
+                        mixed(channels, corner, within, None),
+                        length * geometry.step_world,
+                    );
                     state.samples_taken += 1;
                     from += length;
                 }
@@ -149,7 +154,8 @@ pub fn march_ray<'a>(
         } else {
             for index in (0..samples).filter(|index| shown(*index)) {
                 let (corner, within) = place(index as f32);
-                block.composite(mixed(channels, corner, within), geometry.step_world);
+                let sampled = Some(((index, samples), settings.sample_every));
+                block.composite(mixed(channels, corner, within, sampled), geometry.step_world);
                 state.samples_taken += 1;
             }
         }
@@ -222,9 +228,15 @@ fn points_at(
     channels.iter().map(point).collect()
 }
 
-/// Colour and extinction of all channels together.
-fn mixed(channels: &[Channel], corner: [i32; 3], within: [f32; 3]) -> ([f32; 3], f32) {
-    let classified = channels.iter().map(|channel| match channel {
+/// Colour and extinction of all channels together, of those that take the sample of this number in a block of
+/// so many; else of all.
+fn mixed(
+    channels: &[Channel],
+    corner: [i32; 3],
+    within: [f32; 3],
+    sampled: Option<((u32, u32), &[u32])>,
+) -> ([f32; 3], f32) {
+    let classified = |channel: &Channel| match channel {
         Channel::Scalar { texels, segments } => {
             let [texel] = filtered(texels, corner, within, |texel| [texel]);
             if texel.is_nan() { [0.0; 4] } else { classify(segments, texel) }
@@ -237,8 +249,16 @@ fn mixed(channels: &[Channel], corner: [i32; 3], within: [f32; 3]) -> ([f32; 3],
             })
         }
         Channel::Constant { segment } => segment.start,
-    });
+    };
     let mut medium = Medium::new(channels.len() > 1);
-    classified.for_each(|classified| medium.mix_in(classified));
+    for (at, channel) in channels.iter().enumerate() {
+        let rate = sampled.and_then(|(number, every)| Some((number, *every.get(at)?)));
+        match rate.filter(|_| !matches!(channel, Channel::Constant { .. })) {
+            Some((number, every)) => {
+                medium.mix_in_every(|| classified(channel), number, every);
+            }
+            None => medium.mix_in(classified(channel)),
+        }
+    }
     medium.mixed()
 }

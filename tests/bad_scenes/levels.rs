@@ -12,6 +12,9 @@ const LEVELS: &[Bad] = &[
     ("level_max = 0", "level_loss = @nan", &["level_loss", "at least 0"]),
     ("index = 0", "level_min = @32", &["channel 0", "level_min", "0 to 31"]),
     ("index = 0", "level_max = @-1", &["channel 0", "level_max", "0 to 31"]),
+    ("index = 0", "sample_every = @3", &["channel 0", "sample_every", "power of two", "3"]),
+    ("index = 0", "sample_every = @32", &["channel 0", "sample_every", "1 to 16"]),
+    ("index = 0", "sample_every = @-2", &["channel 0", "sample_every", "-2"]),
     ("index = 0", "level_min = 2\nlevel_max = @1", &["channel 0", "at least level_min", "1 and 2"]),
 ];
 

@@ -38,6 +38,10 @@ pub struct Spec {
     pub preintegrated: bool,
     /// Level that each channel is drawn at where rays are in a finer one; of those that are not listed 0.
     pub finest: &'static [u32],
+    /// Of how many samples each channel takes one; of those that are not listed 1.
+    pub sample_every: &'static [u32],
+    /// Boxes of one value are one sample, and there are some.
+    pub closed_form: bool,
 }
 
 /// What a ray leaves out.
@@ -233,6 +237,7 @@ impl BrickScene {
                 nan_voxels: true,
                 preintegrated: self.spec.preintegrated,
                 macrocells: MacrocellUse::Unused,
+                sample_every: self.spec.sample_every.to_vec(),
             },
             places: self.places.clone(),
             atlases: self.world.atlases.iter().map(atlas).collect(),
@@ -248,6 +253,7 @@ impl BrickScene {
             views: 1,
             skipping: skipping == Skipping::Bricks,
             octree: (skipping == Skipping::Boxes).then(|| self.leaf_words.shape()),
+            closed_form: self.spec.closed_form && skipping == Skipping::Boxes,
             show_states: true,
             marks: true,
             payload: self.spec.payload,
@@ -302,6 +308,7 @@ impl BrickScene {
                 atlas: Texels { size: self.atlas_size(), texels: &self.texels[*atlas] },
                 segments: &self.segments[index],
                 finest: self.spec.finest.get(index).copied().unwrap_or(0),
+                sample_every: self.spec.sample_every.get(index).copied().unwrap_or(1),
             }
         };
         let channels: Vec<_> = self.places.iter().enumerate().map(channel).collect();
@@ -313,6 +320,7 @@ impl BrickScene {
             slot: self.slot_size().map(|edge| edge as i32),
             skipping: skipping == Skipping::Bricks,
             octree: (skipping == Skipping::Boxes).then(|| self.leaf_words.leaves(known)),
+            closed_form: self.spec.closed_form && skipping == Skipping::Boxes,
         })
     }
 
@@ -353,7 +361,8 @@ fn random_voxels(random: &mut Random, seed: u32, size: [u32; 3], spec: &Spec) ->
         let block: [u32; 3] = std::array::from_fn(|axis| at[axis] / (spec.payload[axis] * 3 / 2));
         let of_block = Random(u64::from(seed ^ (block[0] | block[1] << 7 | block[2] << 14))).unit();
         *voxel = match random.unit() {
-            part if of_block < 0.6 => part as f32 * 0.29,
+            _ if spec.closed_form && of_block < 0.7 => 0.31 + of_block as f32,
+            part if of_block < 0.6 || spec.closed_form => part as f32 * 0.29,
             part => part as f32,
         };
         if spec.holes && chance(random, 0.02) {

@@ -81,3 +81,27 @@ pub const FAULTS_OF_OCTREE: &[Fault] = &[
     ("common/brick_march.glsl", "(partial.met & MET_STATES) | (needed << MET_CHANNELS_SHIFT)", "partial.met | (needed << MET_CHANNELS_SHIFT)"),
     ("common/bits.glsl", "return below & ~left_out;", "return below;"),
 ];
+
+/// Where channels take fewer samples than rays.
+#[rustfmt::skip]
+pub const FAULTS_OF_RATES: &[Fault] = &[
+    ("common/classify.glsl", "samples) >> number & 1u", "samples) >> (number ^ 1u) & 1u"),
+    ("common/classify.glsl", "number < (samples & ~(STEPS - 1u)) ? float(STEPS) : 1.0", "float(STEPS)"),
+    ("common/classify.glsl", "return whole < 32u ? taken | 0xffffffffu << whole : taken;", "return taken;"),
+    ("common/classify.glsl", "others.extinction + steps * medium.extinction", "steps * medium.extinction"),
+    ("common/classify.glsl", "steps * medium.extinction);\n#endif", "medium.extinction);\n#endif"),
+    ("common/brick_march.glsl", "sampled |= (box.shows & BIT) != 0u ? samples_taken_of(STEPS, SAMPLES, samples) : 0u;", "sampled |= samples_taken_of(STEPS, SAMPLES, samples);"),
+    ("common/brick_march.glsl", "            here &= sampled;\n", ""),
+    ("common/brick_march.glsl", "uint number = at;", "uint number = at + 1u;"),
+    ("common/brick_march.glsl", "uint number = sample_index;", "uint number = sample_index - partial.sample_index;"),
+];
+
+/// Where boxes of one value are one sample.
+#[rustfmt::skip]
+pub const FAULTS_OF_CLOSED_FORM: &[Fault] = &[
+    ("common/octree.glsl", "box.alike = (word & (1u << WORD_CHANNELS)) != 0u;", "box.alike = true;"),
+    ("common/brick_march.glsl", "here & (here - 1u)", "here"),
+    ("common/brick_march.glsl", "~(alike >> at >> 1u)", "~(alike >> at)"),
+    ("common/brick_march.glsl", "        shown &= ~alike;\n", ""),
+    ("common/brick_march.glsl", "shows && box.alike ?", "shows ?"),
+];

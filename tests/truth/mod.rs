@@ -58,7 +58,14 @@ pub fn transfer(points: &[(f64, [f64; 3], f64)]) -> TransferFunction {
 pub fn volume(channels: &[([f64; 2], TransferFunction)]) -> scene::Volume {
     let channel = |(index, (window, transfer)): (usize, &([f64; 2], TransferFunction))| {
         let (index, transfer) = (index as u32, transfer.clone());
-        scene::Channel { index, window: *window, transfer, level_min: 0, level_max: None }
+        scene::Channel {
+            index,
+            window: *window,
+            transfer,
+            level_min: 0,
+            level_max: None,
+            sample_every: 1,
+        }
     };
     scene::Volume {
         name: "test".to_owned(),

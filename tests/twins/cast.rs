@@ -117,6 +117,7 @@ fn pictures_equal_the_twin_and_the_staged_way() {
             early_stop,
             preintegrated: false,
             macrocells: None,
+            sample_every: &[],
         };
         let (wanted, taken) = medium.with_channels(&conversion, |channels| {
             twins::cast::cast(&views, channels, &settings, &push)

@@ -76,6 +76,11 @@ fn check(device: &Device, conversion: &Conversion, random: &mut Random, case: &C
     for macrocells in &ways {
         check_integrator(device, conversion, random, case, &medium, (false, *macrocells));
     }
+    // Channels that take one of several samples.
+    medium.sample_every = [2, 1, 8].into_iter().take(case.channels.len()).collect();
+    let rates = (false, ways[ways.len() - 1]);
+    check_integrator(device, conversion, random, case, &medium, rates);
+    medium.sample_every.clear();
     if ways.len() > 1 {
         let adaptive = (false, MacrocellUse::Adaptive);
         check_integrator(device, conversion, random, case, &medium, adaptive);
@@ -107,8 +112,13 @@ fn check_integrator(
         MacrocellUse::Skipping => Some(MacrocellCodes::Skipping(&medium.codes)),
         MacrocellUse::Adaptive => Some(MacrocellCodes::Adaptive(&medium.codes)),
     };
-    let settings =
-        Settings { blocks_max, early_stop: case.early_stop, preintegrated, macrocells: codes };
+    let settings = Settings {
+        blocks_max,
+        early_stop: case.early_stop,
+        preintegrated,
+        macrocells: codes,
+        sample_every: &medium.sample_every,
+    };
     medium.with_channels(conversion, |channels| {
         march(&geometry, &mut wanted, channels, &settings);
     });

@@ -45,6 +45,8 @@ pub struct Medium {
     pub segments: Vec<Vec<TransferSegment>>,
     /// Some show nothing, whatever is in their voxels.
     pub codes: Macrocells<u8>,
+    /// Of how many samples each channel takes one.
+    pub sample_every: Vec<u32>,
 }
 
 /// Extinctions of a transfer function: powers of ten.
@@ -88,7 +90,7 @@ impl Medium {
         let segments = of.iter().map(|&(kind, count)| transfer(random, kind, count, at)).collect();
         let kinds = of.iter().map(|(kind, _)| *kind).collect();
         let codes = codes(random, size);
-        Medium { size, kinds, textures, segments, codes }
+        Medium { size, kinds, textures, segments, codes, sample_every: Vec::new() }
     }
 
     pub fn shape(&self, filter: FilterShape, early_stop: bool) -> Shape {
@@ -104,6 +106,7 @@ impl Medium {
             nan_voxels: self.kinds.contains(&Kind::Holes),
             preintegrated: false,
             macrocells: MacrocellUse::Unused,
+            sample_every: self.sample_every.clone(),
         }
     }
 

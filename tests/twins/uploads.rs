@@ -167,6 +167,7 @@ fn twin(
         early_stop: None,
         preintegrated: false,
         macrocells: None,
+        sample_every: &[],
     };
     let views = [volume.rays(&data.scene.views[0], PICTURE)];
     twins::cast::cast(&views, &[channel], &settings, &push)

@@ -20,6 +20,7 @@ use crate::render::paging::settings::{CopyPath, LoadOrder, PagingSettings, Trave
 use crate::render::paging::view_levels::{LevelChoice, ViewLevels};
 use crate::render::paging::visibility::Judge;
 use crate::render::planned_layout::{LayoutMeter, PlannedLayout, choose, quads_possible};
+use crate::render::sample_rates::sample_rates;
 use crate::render::scene_data::SceneData;
 use crate::render::settings::Settings;
 use crate::render::transfer_segments::{open_both_ends, transfer_segments};
@@ -206,6 +207,13 @@ impl PagingPlan {
             word_bits: bits_of_word(volume.channels.len() as u32),
             ancestors: settings.paging.traversal == Traversal::Octree,
         };
+        // Its bytes are not those of the page table's rays, between which and these `auto` may choose, and
+        // depend on what is known of a box.
+        let closed_form = substitute
+            && settings.paging.traversal == Traversal::ResidencyOctree
+            && octree.is_some()
+            && !preintegrated
+            && volume.channels.iter().all(|channel| channel.sample_every == 1);
         let bricks = BrickShape {
             march: Shape {
                 channels: shapes,
@@ -213,6 +221,7 @@ impl PagingPlan {
                 early_stop: scene.quality.early_stop > 0.0,
                 macrocells: MacrocellUse::Unused,
                 preintegrated,
+                sample_every: sample_rates(scene)?,
                 nan_voxels: source.shown().any(|channel| channel.nan_voxels > 0),
             },
             places,
@@ -223,6 +232,7 @@ impl PagingPlan {
             views: scene.views.len(),
             skipping: settings.skipping,
             octree: octree.as_ref().map(octree_shape),
+            closed_form,
             show_states: settings.paging.show_states,
             marks: settings.paging.marks,
             payload: description.payload.to_array(),
