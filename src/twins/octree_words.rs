@@ -138,6 +138,15 @@ impl Words {
         changed
     }
 
+    /// As [`Words::update`], of all leaves of all trees, once each.
+    pub fn update_all(&mut self, shape: &Shape, channels: &[Shown], work: &mut Work) -> u64 {
+        let trees = shape.trees.iter().enumerate();
+        let of = |(level, tree)| {
+            self.update_tree(shape, channels, level, Nodes::all(shape.lowest(tree)), work)
+        };
+        trees.map(of).sum()
+    }
+
     fn update_tree(
         &mut self,
         shape: &Shape,

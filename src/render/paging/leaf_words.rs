@@ -165,10 +165,7 @@ impl LeafWords {
             channel.levels = bounded(next.levels, last);
             channel.memo = Memo::default();
         }
-        for level in 0..self.shape.trees.len() {
-            let leaves = Nodes::all(self.shape.lowest(&self.shape.trees[level]));
-            self.update_words(level, leaves);
-        }
+        self.with_shown(|words, shape, shown, work| words.update_all(shape, shown, work));
     }
 
     /// Learns what the source knows of bricks without reading them: their leaves have at most the brick's
@@ -350,6 +347,13 @@ impl LeafWords {
 
     /// Makes words right again where ranges of these leaves, or what shows of them, have changed.
     fn update_words(&mut self, level: usize, leaves: Nodes) {
+        self.with_shown(|words, shape, shown, work| {
+            words.update(shape, shown, level, leaves, work)
+        });
+    }
+
+    /// Changes words by what channels show; `change` says how many changed.
+    fn with_shown(&mut self, change: impl FnOnce(&mut Words, &Shape, &[Shown], &mut Work) -> u64) {
         let LeafWords { shape, channels, words, work, .. } = self;
         let take = |channel: &mut Channel| RefCell::new(std::mem::take(&mut channel.memo));
         let memos: Vec<RefCell<Memo>> = channels.iter_mut().map(take).collect();
@@ -367,7 +371,7 @@ impl LeafWords {
                 levels: channel.levels,
             })
             .collect();
-        work.words_changed += words.update(shape, &shown, level, leaves, &mut work.words);
+        work.words_changed += change(words, shape, &shown, &mut work.words);
         for (channel, memo) in channels.iter_mut().zip(memos) {
             channel.memo = memo.into_inner();
         }
