@@ -18,4 +18,5 @@ pub mod store;
 pub mod study;
 pub mod trace;
 pub mod twins;
+pub mod viewer;
 pub mod volume;

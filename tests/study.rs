@@ -443,8 +443,12 @@ fn who_watches_rounds_sees_the_finished_picture_last() {
     let plain = device.draw_with(&data, 0, &settings);
     let mut seen: Vec<RoundPicture> = Vec::new();
     let mut renderer = device.renderer(&data, &settings);
-    let (picture, statistics) =
-        renderer.draw_watched(0, &mut |picture| seen.push(picture)).expect("drawn");
+    let (picture, statistics) = renderer
+        .draw_watched(0, &mut |picture| {
+            seen.push(picture);
+            std::ops::ControlFlow::Continue(())
+        })
+        .expect("drawn");
     assert!(picture == plain.picture && statistics.converged);
     assert_eq!(statistics.rounds, plain.statistics.rounds);
     let rounds: Vec<u64> = seen.iter().map(|seen| seen.round).collect();

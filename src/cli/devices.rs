@@ -61,7 +61,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let mut devices = Vec::new();
     for facts in facts {
         let sampler = if facts.missing.is_empty() {
-            let request = DeviceRequest { choice: Some(facts.index.to_string()) };
+            let request = DeviceRequest { choice: Some(facts.index.to_string()), presents: false };
             sampler_errors(&Gpu::open(&instance, &request)?, &shader_compiler())?
         } else {
             Vec::new()

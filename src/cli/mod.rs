@@ -31,6 +31,8 @@ mod scene_flags;
 mod study;
 mod trace_file;
 mod verify;
+#[cfg(feature = "viewer")]
+mod view;
 
 use std::process::ExitCode;
 
@@ -57,6 +59,8 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     Render(render::Arguments),
+    #[cfg(feature = "viewer")]
+    View(Box<view::Arguments>),
     Plan(plan::Arguments),
     Compare(compare::Arguments),
     Reference(reference::Arguments),
@@ -97,6 +101,8 @@ fn ended(result: Result<()>) -> ExitCode {
 fn run(command: Command) -> Result<()> {
     match command {
         Command::Render(arguments) => render::run(&arguments),
+        #[cfg(feature = "viewer")]
+        Command::View(arguments) => view::run(&arguments),
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Reference(arguments) => reference::run(&arguments),

@@ -64,6 +64,12 @@ impl PagingFlags {
         self.addressing
     }
 
+    /// Whether `--lockstep` was given.
+    #[cfg(feature = "viewer")]
+    pub fn asks_lockstep(&self) -> bool {
+        self.lockstep
+    }
+
     /// The settings they stand for.
     pub fn settings(&self) -> PagingSettings {
         PagingSettings {

@@ -146,8 +146,16 @@ impl DeviceFlags {
     /// Opens the device.
     pub fn open(&self) -> Result<Arc<Gpu>> {
         let validation = if self.validate { Validation::On } else { Validation::Off };
-        let request = DeviceRequest { choice: self.device.clone() };
+        let request = DeviceRequest { choice: self.device.clone(), presents: false };
         Gpu::open(&Instance::new(validation)?, &request)
+    }
+
+    /// Opens the device to show windows.
+    #[cfg(feature = "viewer")]
+    pub fn open_for_windows(&self) -> Result<Arc<Gpu>> {
+        let validation = if self.validate { Validation::On } else { Validation::Off };
+        let request = DeviceRequest { choice: self.device.clone(), presents: true };
+        Gpu::open(&Instance::for_windows(validation)?, &request)
     }
 
     /// Whatever validation said is a bug of ours.
@@ -182,6 +190,12 @@ pub struct WorkFlags {
 }
 
 impl WorkFlags {
+    /// Whether each round is to wait for what it asked.
+    #[cfg(feature = "viewer")]
+    pub fn asks_lockstep(&self) -> bool {
+        self.paging.asks_lockstep()
+    }
+
     /// The settings, checked.
     pub fn settings(&self) -> Result<Settings> {
         let settings = Settings {

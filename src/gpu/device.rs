@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use ash::extensions::ext::CalibratedTimestamps;
+use ash::extensions::khr::Swapchain;
 use ash::vk;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 
@@ -20,12 +21,15 @@ use crate::gpu::resources::ImageFormat;
 use crate::gpu::resources::ImageSpec;
 use crate::gpu::retirement::{Orphan, Retired, Uses};
 use crate::gpu::roles::{Role, RoleKind, TimePoint};
+use crate::gpu::turns::Turns;
 
 /// Which device is wanted.
 #[derive(Clone, Debug, Default)]
 pub struct DeviceRequest {
     /// Its index in `ashfall devices`, or part of its name; nothing: the most capable.
     pub choice: Option<String>,
+    /// Whether it is to show pictures in windows.
+    pub presents: bool,
 }
 
 /// One queue family, as far as roles care.
@@ -80,7 +84,7 @@ pub struct DeviceFacts {
 pub struct Gpu {
     pub(crate) instance: Arc<Instance>,
     pub(crate) device: ash::Device,
-    physical: vk::PhysicalDevice,
+    pub(crate) physical: vk::PhysicalDevice,
     facts: DeviceFacts,
     /// What was created on it.
     pub census: Census,
@@ -92,8 +96,7 @@ pub struct Gpu {
     stores_extended: bool,
     queues: [(u32, u32); RoleKind::COUNT],
     roles: [OnceLock<Role>; RoleKind::COUNT],
-    /// Taken while a queue is submitted to: two roles may share one.
-    pub(crate) submitting: Mutex<()>,
+    pub(crate) turns: Arc<Turns>,
     allocator: Mutex<Option<gpu_allocator::vulkan::Allocator>>,
     retired: Mutex<Vec<Retired>>,
     next_resource: AtomicU64,
@@ -131,11 +134,14 @@ impl Gpu {
         let features = Features::used(instance, physical);
         let stores_extended = features.core.shader_storage_image_extended_formats == vk::TRUE;
         let calibrated = calibration::offered(instance, physical);
-        let extensions: &[_] = match &calibrated {
-            Some(_) => &[CalibratedTimestamps::name().as_ptr()],
-            None => &[],
-        };
-        let device = open_device(instance, physical, &queues, features, extensions)?;
+        let mut extensions = Vec::new();
+        if calibrated.is_some() {
+            extensions.push(CalibratedTimestamps::name().as_ptr());
+        }
+        if request.presents {
+            extensions.push(Swapchain::name().as_ptr());
+        }
+        let device = open_device(instance, physical, &queues, features, &extensions)?;
         let allocator =
             gpu_allocator::vulkan::Allocator::new(&gpu_allocator::vulkan::AllocatorCreateDesc {
                 instance: instance.raw.clone(),
@@ -161,7 +167,7 @@ impl Gpu {
             ledger: Ledger::default(),
             queues,
             roles: [const { OnceLock::new() }; RoleKind::COUNT],
-            submitting: Mutex::new(()),
+            turns: Arc::default(),
             allocator: Mutex::new(Some(allocator)),
             retired: Mutex::default(),
             next_resource: AtomicU64::new(1),
@@ -240,6 +246,12 @@ impl Gpu {
             unsafe { second.destroy(&self.device) };
         }
         slot.get().map_or_else(|| misuse("a role vanished"), Ok)
+    }
+
+    /// Submits to all roles so far.
+    pub fn submits(&self) -> u64 {
+        let of_role = |role: &Role| role.submitted.load(Ordering::Acquire);
+        self.roles.iter().filter_map(OnceLock::get).map(of_role).sum()
     }
 
     /// Whether a time point is reached.

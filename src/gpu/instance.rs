@@ -3,6 +3,7 @@
 use std::ffi::{CStr, CString, c_void};
 use std::sync::{Arc, Mutex};
 
+use ash::extensions::khr;
 use ash::vk;
 
 use crate::error::{Error, Result};
@@ -32,7 +33,7 @@ impl Messages {
     }
 }
 
-/// The Vulkan loader and one instance. No window-system extension is asked for.
+/// The Vulkan loader and one instance.
 pub struct Instance {
     pub(crate) raw: ash::Instance,
     pub(crate) debug_utils: Option<ash::extensions::ext::DebugUtils>,
@@ -42,6 +43,14 @@ pub struct Instance {
     pub(crate) entry: ash::Entry,
 }
 
+/// What surfaces take, the first whatever the window system.
+const OF_WINDOWS: [&CStr; 5] = [
+    khr::Surface::name(),
+    khr::XlibSurface::name(),
+    khr::XcbSurface::name(),
+    khr::WaylandSurface::name(),
+    khr::Win32Surface::name(),
+];
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 impl Instance {
@@ -50,6 +59,19 @@ impl Instance {
     /// # Errors
     /// Exit code 4 when there is no loader, no Vulkan 1.3, or no validation layer where one is asked for.
     pub fn new(validation: Validation) -> Result<Arc<Instance>> {
+        Instance::with(validation, &[])
+    }
+
+    /// As [`Instance::new`], for showing windows of every window system that the loader knows.
+    ///
+    /// # Errors
+    /// As [`Instance::new`]; and when it knows none.
+    pub fn for_windows(validation: Validation) -> Result<Arc<Instance>> {
+        Instance::with(validation, &OF_WINDOWS)
+    }
+
+    /// With those of these extensions that the loader knows.
+    fn with(validation: Validation, of_windows: &[&'static CStr]) -> Result<Arc<Instance>> {
         // SAFETY: the loader is the system's own Vulkan library, which upholds Vulkan's contract.
         let entry = unsafe { ash::Entry::load() }.map_err(|why| {
             Error::machine(format!(
@@ -67,13 +89,20 @@ impl Instance {
                 vk::api_version_minor(version)
             )));
         }
-        let debug_utils_known = entry
+        let known = entry
             .enumerate_instance_extension_properties(None)
-            .map_err(|why| vulkan_failed("listing instance extensions", why))?
-            .iter()
-            .any(|extension| name_of(&extension.extension_name) == DEBUG_UTILS);
+            .map_err(|why| vulkan_failed("listing instance extensions", why))?;
+        let is_known =
+            |name: &CStr| known.iter().any(|known| name_of(&known.extension_name) == name);
+        let debug_utils_known = is_known(DEBUG_UTILS);
+        let of_windows: Vec<_> = of_windows.iter().filter(|name| is_known(name)).collect();
+        if of_windows.len() == 1 {
+            return Err(Error::machine(
+                "Vulkan knows no window system here: install a driver for this desktop, or use `ashfall render`",
+            ));
+        }
         let mut layers = Vec::new();
-        let mut extensions = Vec::new();
+        let mut extensions: Vec<_> = of_windows.iter().map(|name| name.as_ptr()).collect();
         if validation == Validation::On {
             let known = entry
                 .enumerate_instance_layer_properties()

@@ -33,7 +33,12 @@ mod roles;
 mod shader;
 mod staging;
 mod timestamps;
+mod turns;
 pub mod two_queues;
+#[cfg(feature = "viewer")]
+mod window;
+#[cfg(feature = "viewer")]
+mod window_picture;
 mod write_commands;
 
 pub use access::{Access, Barrier, Tracker};
@@ -54,3 +59,6 @@ pub use roles::{RoleKind, TimePoint};
 pub use shader::{Shader, ShaderCompiler, ShaderSources, Variant};
 pub use staging::{Place, Staging};
 pub use timestamps::{StepTicks, SubmitTimes, Timestamps};
+pub use turns::Turn;
+#[cfg(feature = "viewer")]
+pub use window::{EguiAllocator, WindowSurface, Windows};

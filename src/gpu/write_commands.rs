@@ -94,14 +94,14 @@ pub(crate) fn submit(
         .command_buffer_infos(&buffers)
         .signal_semaphore_infos(&signals)
         .build();
-    let queue_lock = gpu.submitting.lock().unwrap_or_else(PoisonError::into_inner);
+    let turn = gpu.turns.take();
     let submitted = Instant::now();
-    // SAFETY: the queue is used under a lock; all that the commands touch is stamped with `point` by
+    // SAFETY: the queue is used in its turn; all that the commands touch is stamped with `point` by
     // the recorder right after, and dropped only once it is reached.
     unsafe { device.queue_submit2(role.queue, &[info], vk::Fence::null()) }
         .map_err(|why| vulkan_failed("submitting work", why))?;
     role.submitted.store(point.value, Ordering::Release);
-    drop(queue_lock);
+    drop(turn);
     let mut known = role.command_buffers.lock().unwrap_or_else(PoisonError::into_inner);
     known.push((commands, point.value));
     if let Some(timestamps) = timestamps {

@@ -31,7 +31,7 @@ pub use renderer::{Picture, Renderer};
 pub use scene_change::{NextScene, SceneChange};
 pub use scene_data::SceneData;
 pub use settings::{Addressing, Settings};
-pub use srgb::srgb_byte;
+pub use srgb::{srgb_byte, srgb_bytes};
 pub use statistics::{PassTime, Statistics, Unfinished, peak_rss_bytes};
 pub use transfer_segments::{classify_constant, open_both_ends, transfer_segments};
 pub use upload::upload;

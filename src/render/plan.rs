@@ -104,6 +104,9 @@ pub struct Plan {
     pub tile: [u32; 2],
     /// Tiles of one view.
     pub tiles: u32,
+    /// Pixels of a tile that buffers have room for, also where an earlier scene was larger.
+    #[serde(skip)]
+    pub(super) pixels_max: u64,
     /// Views drawn.
     pub views: Vec<String>,
     /// Distance of two samples at most, world units; nothing: one sample a ray is exact.
@@ -275,6 +278,7 @@ impl Plan {
             addressing: "direct",
             picture,
             tile,
+            pixels_max: pixels_of(tile),
             tiles,
             views: scene.views.iter().map(|view| view.name.clone()).collect(),
             step_world,
@@ -310,7 +314,7 @@ impl Plan {
         let samples_of_ray_max = checked_samples(paging.samples_of_ray_max())?;
         let dispatches = dispatches_of(samples_of_ray_max, settings, paging.turns_of_block());
         let (picture, tile, tiles) = tiles_of(scene.picture.size, settings);
-        let specs = paging.buffers(u64::from(tile[0]) * u64::from(tile[1]));
+        let specs = paging.buffers(pixels_of(tile));
         let buffers = planned_buffers(gpu, specs);
         let images: Vec<PlannedImage> = paging
             .residency
@@ -377,6 +381,7 @@ impl Plan {
             addressing: "paged",
             picture,
             tile,
+            pixels_max: pixels_of(tile),
             tiles,
             views: scene.views.iter().map(|view| view.name.clone()).collect(),
             step_world: Some(
@@ -490,6 +495,10 @@ impl PlannedPass {
             shader,
         })
     }
+}
+
+fn pixels_of([width, height]: [u32; 2]) -> u64 {
+    u64::from(width) * u64::from(height)
 }
 
 /// Picture, largest tile, tiles of a view.

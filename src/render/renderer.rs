@@ -1,5 +1,6 @@
 //! Builds what the plan lists and draws views with it.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::time::Instant;
@@ -270,14 +271,15 @@ impl Renderer {
     }
 
     /// As [`Renderer::draw`]; `watch` is told the whole picture of every round, the last included, while
-    /// it is refined by substitution, if one tile holds it. In lockstep nothing goes on meanwhile.
+    /// it is refined by substitution, if one tile holds it, and may break off there. In lockstep nothing goes
+    /// on meanwhile.
     ///
     /// # Errors
     /// As [`Renderer::draw`].
     pub fn draw_watched(
         &mut self,
         view: usize,
-        watch: &mut dyn FnMut(RoundPicture),
+        watch: &mut dyn FnMut(RoundPicture) -> ControlFlow<()>,
     ) -> Result<(Picture, Statistics)> {
         self.draw_view(view, &mut |_| {}, Some(&mut Watch::new(watch)))
     }

@@ -31,8 +31,9 @@ impl SceneChange {
         before: &Plan,
         data: SceneData,
     ) -> Result<SceneChange> {
-        let plan = Plan::new(gpu, compiler, &data, &before.settings_again())?;
+        let mut plan = Plan::new(gpu, compiler, &data, &before.settings_again())?;
         before.check_alike(&plan)?;
+        plan.pixels_max = before.pixels_max;
         let forget = compiler.compile(&forget::variant())?;
         Ok(SceneChange { plan, data, forget })
     }
@@ -56,9 +57,8 @@ impl Plan {
     /// Refuses a plan that a renderer of this one cannot go on with.
     pub(super) fn check_alike(&self, next: &Plan) -> Result<()> {
         let unlike = match (&self.paging, &next.paging) {
-            _ if (self.picture, self.views.len()) != (next.picture, next.views.len()) => {
-                Some("its pictures are of another size or number")
-            }
+            _ if self.views.len() != next.views.len() => Some("it has another number of views"),
+            _ if self.pixels_max < next.pixels_max => Some("its pictures are larger"),
             (Some(paging), Some(of_next)) => paging.unlike(of_next),
             _ => Some("voxels are drawn directly"),
         };

@@ -42,6 +42,17 @@ impl SceneData {
         SceneData { scene, volumes }
     }
 
+    /// Another scene of the same volumes and channels.
+    ///
+    /// # Errors
+    /// As [`SceneData::new`].
+    ///
+    /// # Panics
+    /// As [`SceneData::joined`].
+    pub fn again(&self, scene: Scene) -> Result<SceneData> {
+        SceneData::new(scene, self.volumes.clone())
+    }
+
     /// What can be said before any voxel is read.
     ///
     /// # Errors

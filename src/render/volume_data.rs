@@ -12,7 +12,8 @@ use crate::volume::{
     Voxel, VoxelFormat, Voxels, WorldFromVoxel, with_voxel_type,
 };
 
-/// Where a volume's bricks come from, and which channels of it are shown.
+/// Where a volume's bricks come from, and which channels of it are shown. Cheap to clone.
+#[derive(Clone)]
 pub struct VolumeData {
     /// Bricks of every level. The channel of a brick is the source's, not the scene's.
     pub source: Arc<dyn BrickSource>,

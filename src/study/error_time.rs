@@ -8,6 +8,7 @@
 //! is a CPU and the system tells, since other work on the machine does not change that; else the wall's.
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -447,6 +448,7 @@ impl<'a> Study<'a> {
             let error = Figures::of_drawn(size, &seen.picture.pixels, &truth.rgba);
             let (round, bricks_uploaded) = (seen.round, seen.bricks_uploaded);
             rounds.push(StreamingRound { round, ms: seen.ms, bricks_uploaded, error });
+            ControlFlow::Continue(())
         })?;
         let (converged, incomplete) = (statistics.converged, incomplete(&statistics));
         Ok(Streaming { rounds, converged, incomplete })

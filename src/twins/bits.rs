@@ -15,7 +15,7 @@ pub fn each_bit(bits: u32) -> impl Iterator<Item = u32> {
 /// middle of so many and the one before it, so that both together stand for their middle.
 pub fn samples_of(every: u32) -> u32 {
     let taken = |at: &u32| {
-        let behind = every == 1 || at / every % 2 == 0;
+        let behind = every == 1 || (at / every).is_multiple_of(2);
         at % every == if behind { every / 2 } else { every / 2 - 1 }
     };
     (0..32).filter(taken).fold(0, |bits, at| bits | 1 << at)

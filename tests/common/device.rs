@@ -47,7 +47,7 @@ pub fn no_device(sentence: &str) {
 /// bit must not come from another device unnoticed.
 pub fn open() -> Option<(Arc<Gpu>, Arc<Instance>)> {
     let choice = std::env::var("ASHFALL_DEVICE").ok();
-    let request = DeviceRequest { choice: choice.clone() };
+    let request = DeviceRequest { choice: choice.clone(), presents: false };
     let opened = Instance::new(Validation::On)
         .and_then(|instance| Ok((Gpu::open(&instance, &request)?, instance)));
     let (gpu, instance) = match opened {

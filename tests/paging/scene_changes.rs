@@ -1,6 +1,7 @@
 //! From one scene to the next with one renderer: channels take one another's places, transfer functions and
 //! cameras change, also while bricks are on their way; and no voxel of before is ever shown as another's.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -315,6 +316,7 @@ fn no_round_after_a_swap_shows_a_voxel_of_before() {
                     green = !green;
                     next.leave(change);
                 }
+                ControlFlow::Continue(())
             };
             let (picture, statistics) =
                 renderer.draw_watched(0, &mut watch).unwrap_or_else(|why| panic!("{why}"));

@@ -1,5 +1,6 @@
 //! Substitute refinement: coarse first, the exact picture at the end, honest where there is no room.
 
+use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -177,7 +178,10 @@ fn the_floor_outlasts_views_that_do_not_use_it() {
         let by_level = statistics.bricks_uploaded_by_level;
         assert_eq!(by_level[2..], [8, 1], "the floor was there");
         let mut first = None;
-        let watched = renderer.draw_watched(1, &mut |round| _ = first.get_or_insert(round.picture));
+        let watched = renderer.draw_watched(1, &mut |round| {
+            first.get_or_insert(round.picture);
+            ControlFlow::Continue(())
+        });
         watched.unwrap_or_else(|why| panic!("{why}"));
         let first = first.expect("a round");
         let db = psnr_db(&first, &exact.picture);

@@ -1,5 +1,6 @@
 //! The loop: a round on the device, then what it asked for, until no ray waits.
 
+use std::ops::ControlFlow;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -81,12 +82,12 @@ pub struct RoundPicture {
 pub struct Watch<'w> {
     begun: Instant,
     watching: Duration,
-    tell: &'w mut dyn FnMut(RoundPicture),
+    tell: &'w mut dyn FnMut(RoundPicture) -> ControlFlow<()>,
 }
 
 impl<'w> Watch<'w> {
     /// From now on.
-    pub fn new(tell: &'w mut dyn FnMut(RoundPicture)) -> Watch<'w> {
+    pub fn new(tell: &'w mut dyn FnMut(RoundPicture) -> ControlFlow<()>) -> Watch<'w> {
         Watch { begun: Instant::now(), watching: Duration::ZERO, tell }
     }
 
@@ -153,8 +154,9 @@ impl Rounds<'_, '_> {
             let report = self.take_report(point)?;
             self.statistics.rounds += 1;
             self.show_progress(&report, progress);
-            if substitute {
-                self.show_picture()?;
+            if substitute && self.show_picture()?.is_break() {
+                self.statistics.converged = false;
+                return Ok(true);
             }
             if self.is_finished(&report, substitute) {
                 if recoveries == RECOVERIES_MAX || !self.source_recovers()? {
@@ -441,10 +443,10 @@ impl Rounds<'_, '_> {
     }
 
     /// Hands a round's picture to who watches. What that takes is no part of the loop's time.
-    fn show_picture(&mut self) -> Result<()> {
+    fn show_picture(&mut self) -> Result<ControlFlow<()>> {
         let ms = match &self.watch {
             Some(watch) => watch.ms(),
-            None => return Ok(()),
+            None => return Ok(ControlFlow::Continue(())),
         };
         let begun = Instant::now();
         let submitted = self.renderer.submit_resolve(self.paged, self.tile)?;
@@ -452,13 +454,14 @@ impl Rounds<'_, '_> {
         let size = self.renderer.plan.picture;
         let mut pixels = vec![[0.0; 4]; size[0] as usize * size[1] as usize];
         self.renderer.collect(self.tile, &mut pixels)?;
+        let mut flow = ControlFlow::Continue(());
         if let Some(watch) = &mut self.watch {
             let (round, uploaded) = (self.statistics.rounds, self.paged.host.counts.uploaded);
             let picture = Picture { size, pixels };
-            (watch.tell)(RoundPicture { round, ms, bricks_uploaded: uploaded, picture });
+            flow = (watch.tell)(RoundPicture { round, ms, bricks_uploaded: uploaded, picture });
             watch.watching += begun.elapsed();
         }
-        Ok(())
+        Ok(flow)
     }
 
     fn ended(&mut self, submitted: Submitted) -> Result<()> {

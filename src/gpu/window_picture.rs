@@ -1,0 +1,246 @@
+//! The picture in a window: a texture for egui, filled from the host.
+
+use std::sync::Arc;
+
+use ash::vk;
+use egui_ash::ImageRegistry;
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+
+use crate::error::{Error, Result};
+use crate::gpu::instance::vulkan_failed;
+use crate::gpu::window::{FRAMES, Windows};
+
+/// See the module.
+pub(super) struct WindowPicture {
+    windows: Arc<Windows>,
+    registry: ImageRegistry,
+    made: Option<Made>,
+}
+
+struct Made {
+    size: [u32; 2],
+    image: vk::Image,
+    view: vk::ImageView,
+    sampler: vk::Sampler,
+    memory: Option<Allocation>,
+    texture: egui::TextureId,
+    /// One for each frame that may be under way.
+    staging: Vec<(vk::Buffer, Option<Allocation>)>,
+    /// Something was copied into it.
+    filled: bool,
+}
+
+const WHOLE: vk::ImageSubresourceRange = vk::ImageSubresourceRange {
+    aspect_mask: vk::ImageAspectFlags::COLOR,
+    base_mip_level: 0,
+    level_count: 1,
+    base_array_layer: 0,
+    layer_count: 1,
+};
+const SHOWN: vk::ImageLayout = vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL;
+const COPIED: vk::ImageLayout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
+
+impl WindowPicture {
+    pub fn new(windows: &Arc<Windows>, registry: ImageRegistry) -> WindowPicture {
+        WindowPicture { windows: windows.clone(), registry, made: None }
+    }
+
+    pub fn size(&self) -> [u32; 2] {
+        self.made.as_ref().map_or([0; 2], |made| made.size)
+    }
+
+    /// The texture of a picture of this size. The one of before must not be in use.
+    pub fn resize(&mut self, size: [u32; 2]) -> Result<egui::TextureId> {
+        if let Some(made) = self.made.as_ref().filter(|made| made.size == size) {
+            return Ok(made.texture);
+        }
+        self.destroy();
+        let device = &self.windows.gpu.device;
+        let failed = |why| vulkan_failed("making a window's picture", why);
+        let info = vk::ImageCreateInfo::builder()
+            .image_type(vk::ImageType::TYPE_2D)
+            .format(vk::Format::R8G8B8A8_UNORM)
+            .extent(vk::Extent3D { width: size[0], height: size[1], depth: 1 })
+            .mip_levels(1)
+            .array_layers(1)
+            .samples(vk::SampleCountFlags::TYPE_1)
+            .tiling(vk::ImageTiling::OPTIMAL)
+            .usage(vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST)
+            .sharing_mode(vk::SharingMode::EXCLUSIVE)
+            .initial_layout(vk::ImageLayout::UNDEFINED);
+        // SAFETY: the device is alive.
+        let image = unsafe { device.create_image(&info, None) }.map_err(failed)?;
+        let mut made = Made {
+            size,
+            image,
+            view: vk::ImageView::null(),
+            sampler: vk::Sampler::null(),
+            memory: None,
+            texture: egui::TextureId::default(),
+            staging: Vec::new(),
+            filled: false,
+        };
+        let done = self.fill(&mut made);
+        match done {
+            Ok(()) => {
+                made.texture = self.registry.register_user_texture(made.view, made.sampler);
+                let texture = made.texture;
+                self.made = Some(made);
+                Ok(texture)
+            }
+            Err(why) => {
+                self.free(made);
+                Err(why)
+            }
+        }
+    }
+
+    /// Memory, view, sampler and staging of an image.
+    fn fill(&self, made: &mut Made) -> Result<()> {
+        let device = &self.windows.gpu.device;
+        let failed = |why| vulkan_failed("making a window's picture", why);
+        // SAFETY: the image was just made, and memory is bound once.
+        unsafe {
+            let needs = device.get_image_memory_requirements(made.image);
+            let memory =
+                made.memory.insert(self.allocate(needs, MemoryLocation::GpuOnly, false)?);
+            device
+                .bind_image_memory(made.image, memory.memory(), memory.offset())
+                .map_err(failed)?;
+            let info = vk::ImageViewCreateInfo::builder()
+                .image(made.image)
+                .view_type(vk::ImageViewType::TYPE_2D)
+                .format(vk::Format::R8G8B8A8_UNORM)
+                .subresource_range(WHOLE);
+            made.view = device.create_image_view(&info, None).map_err(failed)?;
+            // A pixel of the picture is a pixel of the window; while sizes differ, nearest.
+            made.sampler = device.create_sampler(&Default::default(), None).map_err(failed)?;
+        }
+        let bytes = u64::from(made.size[0]) * u64::from(made.size[1]) * 4;
+        for _ in 0..FRAMES {
+            let info = vk::BufferCreateInfo::builder()
+                .size(bytes)
+                .usage(vk::BufferUsageFlags::TRANSFER_SRC);
+            // SAFETY: the device is alive; memory is bound once to the buffer just made.
+            unsafe {
+                let buffer = device.create_buffer(&info, None).map_err(failed)?;
+                made.staging.push((buffer, None));
+                let needs = device.get_buffer_memory_requirements(buffer);
+                let memory = self.allocate(needs, MemoryLocation::CpuToGpu, true)?;
+                let bound = device.bind_buffer_memory(buffer, memory.memory(), memory.offset());
+                if let Some(last) = made.staging.last_mut() {
+                    last.1 = Some(memory);
+                }
+                bound.map_err(failed)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Copies `pixels`, if there are new ones, into the texture; `frame` says whose staging is free.
+    pub fn record(
+        &mut self,
+        commands: vk::CommandBuffer,
+        frame: usize,
+        pixels: Option<&[u8]>,
+    ) -> Result<()> {
+        let device = &self.windows.gpu.device;
+        let Some(made) = &mut self.made else { return Ok(()) };
+        if pixels.is_none() && made.filled {
+            return Ok(());
+        }
+        let (buffer, memory) = &mut made.staging[frame];
+        let mapped = memory.as_mut().and_then(Allocation::mapped_slice_mut);
+        let Some(mapped) = mapped else {
+            return Err(Error::machine("a window's staging memory is not mapped".to_owned()));
+        };
+        let length = made.size[0] as usize * made.size[1] as usize * 4;
+        match pixels.filter(|pixels| pixels.len() == length) {
+            Some(pixels) => mapped[..length].copy_from_slice(pixels),
+            // Nothing was drawn yet.
+            None => mapped[..length].fill(0),
+        }
+        let sampling =
+            (vk::PipelineStageFlags2::FRAGMENT_SHADER, vk::AccessFlags2::SHADER_SAMPLED_READ);
+        let copying = (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE);
+        let old = if made.filled { SHOWN } else { vk::ImageLayout::UNDEFINED };
+        let barrier = |(old, new), from: (_, _), to: (_, _)| {
+            let barriers = [vk::ImageMemoryBarrier2::builder()
+                .image(made.image)
+                .old_layout(old)
+                .new_layout(new)
+                .src_stage_mask(from.0)
+                .src_access_mask(from.1)
+                .dst_stage_mask(to.0)
+                .dst_access_mask(to.1)
+                .subresource_range(WHOLE)
+                .build()];
+            let info = vk::DependencyInfo::builder().image_memory_barriers(&barriers);
+            // SAFETY: the image is alive and the commands are being recorded.
+            unsafe { device.cmd_pipeline_barrier2(commands, &info) };
+        };
+        barrier((old, COPIED), (sampling.0, vk::AccessFlags2::NONE), copying);
+        let region = vk::BufferImageCopy::builder()
+            .image_subresource(vk::ImageSubresourceLayers {
+                aspect_mask: vk::ImageAspectFlags::COLOR,
+                layer_count: 1,
+                ..Default::default()
+            })
+            .image_extent(vk::Extent3D { width: made.size[0], height: made.size[1], depth: 1 })
+            .build();
+        // SAFETY: the staging buffer holds the whole picture; its frame's last submit has ended.
+        unsafe {
+            device.cmd_copy_buffer_to_image(commands, *buffer, made.image, COPIED, &[region]);
+        }
+        barrier((COPIED, SHOWN), copying, sampling);
+        made.filled = true;
+        Ok(())
+    }
+
+    /// The texture must not be in use.
+    pub fn destroy(&mut self) {
+        if let Some(made) = self.made.take() {
+            self.registry.unregister_user_texture(made.texture);
+            self.free(made);
+        }
+    }
+
+    fn free(&self, made: Made) {
+        let device = &self.windows.gpu.device;
+        // SAFETY: the caller says that nothing uses them; null handles are allowed.
+        unsafe {
+            device.destroy_sampler(made.sampler, None);
+            device.destroy_image_view(made.view, None);
+            device.destroy_image(made.image, None);
+            made.staging.iter().for_each(|(buffer, _)| device.destroy_buffer(*buffer, None));
+        }
+        let mut allocator = self.windows.allocator();
+        let of_staging = made.staging.into_iter().filter_map(|(_, memory)| memory);
+        for memory in made.memory.into_iter().chain(of_staging) {
+            // Freeing a block that we own fails only if the allocator's books are wrong.
+            let _ = allocator.free(memory);
+        }
+    }
+
+    fn allocate(
+        &self,
+        requirements: vk::MemoryRequirements,
+        location: MemoryLocation,
+        linear: bool,
+    ) -> Result<Allocation> {
+        let description = AllocationCreateDesc {
+            name: "window_picture",
+            requirements,
+            location,
+            linear,
+            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+        };
+        self.windows.allocator().allocate(&description).map_err(|why| {
+            Error::machine(format!(
+                "the device has no {} bytes left for a window's picture ({why}): lower --atlas-mib",
+                requirements.size
+            ))
+        })
+    }
+}

@@ -1,0 +1,36 @@
+//! What a window did, for whoever measures it.
+
+use serde::Serialize;
+
+/// As `ashfall view --report` writes it when the window closes.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Report {
+    /// Milliseconds from the window's making to its first picture of the volume.
+    pub first_picture_ms: Option<f64>,
+    /// Frames that were painted into the window.
+    pub frames: u64,
+    /// Of them, those with a new picture of the volume.
+    pub pictures: u64,
+    /// Scenes that were asked for: what moved or was set.
+    pub scenes: u64,
+    /// Size of the last picture in the window, pixels.
+    pub picture_size: [u32; 2],
+    /// Where it lies in the window, pixels from the left and the top.
+    pub picture_origin: [u32; 2],
+    /// The camera at the end, as a scene's view has it.
+    pub eye: [f64; 3],
+    /// What it turned around.
+    pub target: [f64; 3],
+    /// Upwards in the picture.
+    pub up: [f64; 3],
+    /// Whether the last scene's picture was finished.
+    pub converged: bool,
+    /// Seconds between the last painted frame and the end.
+    pub idle_s: f64,
+    /// Submits of all queues in those seconds.
+    pub idle_submits: u64,
+    /// Times between an input and the first picture that follows it.
+    pub input_ms: Vec<f64>,
+    /// Messages of the validation layers.
+    pub validation_messages: u64,
+}

@@ -1,0 +1,133 @@
+//! The thread that draws what is wanted, without a window.
+
+use std::time::{Duration, Instant};
+
+use ashfall::gpu::ShaderCompiler;
+use ashfall::passes::SOURCES;
+use ashfall::render::{Addressing, SceneData, Settings, srgb_bytes};
+use ashfall::scene::{Overrides, Refine, Scene};
+use ashfall::viewer::{Camera, Live, PICTURE_EDGE_MAX, Shown};
+use glam::DVec3;
+
+use crate::common::drawing::{Device, computed_scene};
+
+fn scene(size: [u32; 2]) -> SceneData {
+    let overrides = Overrides { size: Some(size), ..Overrides::default() };
+    let mut data = computed_scene("shells", [96; 3], &overrides);
+    data.scene.quality.refine = Refine::Substitute;
+    data.scene.views.truncate(1);
+    data
+}
+
+fn settings(lockstep: bool) -> Settings {
+    let mut settings = Settings {
+        addressing: Addressing::Paged,
+        tile: [PICTURE_EDGE_MAX; 2],
+        ..Settings::default()
+    };
+    settings.paging.lockstep = lockstep;
+    settings
+}
+
+fn live(device: &Device, lockstep: bool) -> (Live, Scene) {
+    let data = scene([120, 90]);
+    let wanted = data.scene.clone();
+    let compiler =
+        ShaderCompiler::new(SOURCES, Some(std::env::temp_dir().join("ashfall-test-spirv")));
+    let live = Live::new(&device.gpu, compiler, data, settings(lockstep));
+    (live.unwrap_or_else(|why| panic!("{why}")), wanted)
+}
+
+/// What `render` draws of the scene, exactly.
+fn assert_is_render_of(device: &Device, shown: &Shown, wanted: &Scene) {
+    assert!(shown.error.is_none(), "{:?}", shown.error);
+    let mut data = scene(wanted.picture.size).again(wanted.clone()).expect("drawable");
+    data.scene.quality.refine = Refine::Exact;
+    let drawn = device.draw_with(&data, 0, &settings(true));
+    let picture = shown.picture.as_ref().expect("a picture");
+    assert!(picture.pixels.iter().filter(|pixel| pixel[3] > 0.1).count() > 200, "something");
+    assert!(**picture == drawn.picture, "not what is drawn exactly");
+    assert_eq!(*shown.bytes, srgb_bytes(&drawn.picture));
+}
+
+#[test]
+fn the_last_scene_wanted_is_shown_exactly() {
+    let Some(device) = Device::open() else { return };
+    for lockstep in [true, false] {
+        let (live, mut wanted) = live(&device, lockstep);
+        let middle = DVec3::splat(0.5);
+        let mut camera = Camera::new(wanted.views[0].clone(), middle);
+        live.want(wanted.clone());
+        assert_is_render_of(&device, &live.converged(), &wanted);
+        let mut seen = 0;
+        for turn in 0..40 {
+            camera.orbit(0.05, 0.01);
+            wanted.views[0] = camera.view().clone();
+            // Smaller and back: the same renderer goes on. Larger: another one.
+            wanted.picture.size = match turn {
+                10..20 => [60, 45],
+                30.. => [150, 100],
+                _ => [120, 90],
+            };
+            live.want(wanted.clone());
+            let shown = live.shown();
+            seen = seen.max(shown.scene);
+            if turn % 7 == 0 {
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        }
+        assert_is_render_of(&device, &live.converged(), &wanted);
+        assert!(seen > 1, "pictures follow while things move");
+        // Another transfer function, and another quality.
+        let channel = &mut wanted.volumes[0].channels[0];
+        channel.window[1] *= 0.7;
+        live.want(wanted.clone());
+        assert_is_render_of(&device, &live.converged(), &wanted);
+        wanted.quality.step = 0.8;
+        wanted.quality.early_stop = 0.01;
+        live.want(wanted.clone());
+        assert_is_render_of(&device, &live.converged(), &wanted);
+    }
+    device.finish();
+}
+
+#[test]
+fn a_scene_that_cannot_be_drawn_is_told_and_the_next_one_is_drawn() {
+    let Some(device) = Device::open() else { return };
+    let (live, wanted) = live(&device, true);
+    let mut bad = wanted.clone();
+    bad.volumes[0].channels[0].level_max = Some(0);
+    bad.quality.integrator = ashfall::scene::Integrator::Adaptive;
+    live.want(bad.clone());
+    let shown = live.converged();
+    let why = shown.error.expect("refused").to_string();
+    assert!(why.contains("\"adaptive\" is not built for bricks yet"), "{why}");
+    live.want(wanted.clone());
+    assert_is_render_of(&device, &live.converged(), &wanted);
+    // While one is shown.
+    live.want(bad);
+    assert!(live.converged().error.is_some());
+    live.want(wanted.clone());
+    assert_is_render_of(&device, &live.converged(), &wanted);
+    device.finish();
+}
+
+#[test]
+fn at_rest_nothing_is_submitted_and_the_end_does_not_wait() {
+    let Some(device) = Device::open() else { return };
+    let (live, mut wanted) = live(&device, false);
+    live.want(wanted.clone());
+    live.converged();
+    let before = device.gpu.submits();
+    std::thread::sleep(Duration::from_millis(300));
+    assert_eq!(device.gpu.submits(), before);
+    // An end in the middle of a picture: after its round.
+    wanted.picture.size = [1600, 1200];
+    wanted.quality.step = 0.05;
+    live.want(wanted);
+    std::thread::sleep(Duration::from_millis(20));
+    let begun = Instant::now();
+    drop(live);
+    println!("ended in {:.0} ms", begun.elapsed().as_secs_f64() * 1e3);
+    device.finish();
+}
