@@ -10,8 +10,9 @@ use std::process::Command;
 /// A file as the rules see it: its path in the repository, with slashes, and its text.
 type File<'a> = (&'a str, &'a str);
 
-/// DESIGN section 3: what each room may use beside itself and `error`. Two refinements: the structs
-/// that host and shaders share live in `twins`, so passes use them; `error` is every room's.
+/// DESIGN section 3: what each room may use beside itself and `error`. Three refinements: the structs
+/// that host and shaders share live in `twins`, so passes use them; `error` is every room's. The viewer
+/// hands devices and windows on to `gpu`.
 const ROOMS: &[(&str, &[&str])] = &[
     ("error", &[]),
     ("volume", &[]),
@@ -47,7 +48,7 @@ const ROOMS: &[(&str, &[&str])] = &[
         ],
     ),
     ("trace", &["gpu", "volume"]),
-    ("viewer", &["render", "scene", "trace"]),
+    ("viewer", &["gpu", "render", "scene", "trace"]),
     (
         "cli",
         &[

@@ -4,7 +4,11 @@
 //! residency-octree-2023 section 6.1: "another channel may only need to be sampled at every second step".
 
 use crate::error::Result;
-use crate::scene::{Integrator, Scene};
+use crate::scene::{Integrator, SAMPLE_EVERY_MAX, Scene};
+use crate::twins::limits::BLOCK_SAMPLES;
+
+// In turn two of them make a pair, which has to lie in one block.
+const _: () = assert!(2 * SAMPLE_EVERY_MAX <= BLOCK_SAMPLES);
 
 /// For each channel of the scene's volume of how many samples it takes one; of none where each takes all.
 ///

@@ -209,7 +209,7 @@ pub enum Source {
 }
 
 /// Most samples of a ray that one of a channel may stand for.
-pub const SAMPLE_EVERY_MAX: u32 = crate::twins::limits::BLOCK_SAMPLES / 2;
+pub const SAMPLE_EVERY_MAX: u32 = 16;
 
 /// `[[volume.channel]]`
 #[derive(Clone, Debug, PartialEq)]

@@ -94,6 +94,7 @@ impl Live {
         state.wanted_count += 1;
         let number = state.wanted_count;
         state.wanted = Some((scene, number));
+        state.shown.error = None;
         self.shared.changed.notify_all();
         number
     }
@@ -162,12 +163,15 @@ impl Drawer {
             next = match self.draw_with_one_renderer(wanted) {
                 Ok(next) => next,
                 Err(why) => {
-                    self.shared.lock().shown.error = Some(why);
+                    let mut state = self.shared.lock();
+                    // Nobody waits for one that another has taken the place of.
+                    if state.wanted.is_none() {
+                        state.shown.error = Some(why);
+                    }
+                    drop(state);
                     self.shared.changed.notify_all();
                     // Another scene may be one that can be drawn.
-                    let next = self.shared.next_wanted();
-                    self.shared.lock().shown.error = None;
-                    next
+                    self.shared.next_wanted()
                 }
             };
         }

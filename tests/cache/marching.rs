@@ -14,7 +14,7 @@ use ashfall::twins::cache::{Cache, Progress, entry};
 use ashfall::twins::exponential::attenuate;
 use ashfall::twins::limits::{
     ENTRY_ABSENT, ENTRY_CONSTANT, ENTRY_EXPECTED, ENTRY_FAILED, ENTRY_HIDDEN, ENTRY_MAPPED,
-    ENTRY_STATE_SHIFT, ENTRY_UNMAPPED, OPAQUE_DEPTH, PLACE_ENDED, RANK_NONE,
+    ENTRY_STATE_SHIFT, ENTRY_UNMAPPED, PLACE_ENDED, RANK_NONE,
 };
 use ashfall::twins::march_bricks::{Push, Rays, march_bricks as march_by_twin};
 use ashfall::twins::ranks::LevelView;
@@ -31,7 +31,7 @@ use crate::marching_faults::{
     FAULTS, FAULTS_OF_CLOSED_FORM, FAULTS_OF_LEVELS, FAULTS_OF_OCTREE, FAULTS_OF_RATES,
     FAULTS_OF_STAND_INS,
 };
-use crate::on_device::{buffers, compare, read, write};
+use crate::on_device::{assert_near, buffers, compare, read, write};
 use crate::random::Random;
 use crate::view_levels::{crossing, depths_between, inner_view, level_views, ray_of_pixel};
 use crate::views::placed;
@@ -362,18 +362,6 @@ fn without_samples(states: &[RayState]) -> Vec<RayState> {
 /// last in use there.
 fn without_last(states: &[RayState]) -> Vec<RayState> {
     states.iter().map(|state| RayState { next_sample: 0, ..*state }).collect()
-}
-
-/// One sample of a box of one value, or many: the same but for rounding.
-fn assert_near(got: &[RayState], wanted: &[RayState]) {
-    for (ray, (got, wanted)) in got.iter().zip(wanted).enumerate() {
-        let off = |got: f32, wanted: f32| (got - wanted).abs() / wanted.abs().max(1.0);
-        let colors = got.color.iter().zip(wanted.color).map(|(got, wanted)| off(*got, wanted));
-        // Of a sample, depth beyond what can be seen through is cut off.
-        let depths = [got, wanted].map(|ray| ray.optical_depth.min(OPAQUE_DEPTH));
-        let worst = colors.fold(off(depths[0], depths[1]), f32::max);
-        assert!(worst < 2.0e-5, "ray {ray}: {got:?} is not {wanted:?}");
-    }
 }
 
 /// What a check saw.

@@ -6,7 +6,9 @@ use ashfall::gpu::{Buffer, ComputePipeline};
 use ashfall::passes::cache_buffers::{CacheBuffers, RankOrder, RankShape};
 use ashfall::passes::{choose, count, grant, publish, scan, tally};
 use ashfall::twins::cache::{Answer, Cache, CacheRound, Choice, ChunkCounts, Progress, Tallies};
+use ashfall::twins::limits::OPAQUE_DEPTH;
 use ashfall::twins::publish::{Push, Update};
+use ashfall::twins::ray::RayState;
 
 use crate::common::device::Device;
 use crate::twin_round::Outcome;
@@ -250,4 +252,16 @@ fn same<T: PartialEq + std::fmt::Debug>(name: &str, got: &[T], wanted: &[T]) -> 
         Some(at) => format!("{name}[{at}] is {:x?}, should be {:x?}", got[at], wanted[at]),
         None => format!("{name}: {} instead of {}", got.len(), wanted.len()),
     })
+}
+
+/// One sample of a box of one value, or many: the same but for rounding.
+pub fn assert_near(got: &[RayState], wanted: &[RayState]) {
+    for (ray, (got, wanted)) in got.iter().zip(wanted).enumerate() {
+        let off = |got: f32, wanted: f32| (got - wanted).abs() / wanted.abs().max(1.0);
+        let colors = got.color.iter().zip(wanted.color).map(|(got, wanted)| off(*got, wanted));
+        // Of a sample, depth beyond what can be seen through is cut off.
+        let depths = [got, wanted].map(|ray| ray.optical_depth.min(OPAQUE_DEPTH));
+        let worst = colors.fold(off(depths[0], depths[1]), f32::max);
+        assert!(worst < 2.0e-5, "ray {ray}: {got:?} is not {wanted:?}");
+    }
 }

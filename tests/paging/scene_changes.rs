@@ -349,7 +349,11 @@ fn what_cannot_go_on_is_refused_in_a_sentence() {
     let views = format!("{text}{}", &text[text.find("[[view]]").expect("a view")..]);
     let views = views.replacen("[[view]]", "[[view]]\nname = \"first\"", 1);
     let two = refused(of_text(&source, &[0, 1], &views, Refine::Exact));
-    assert!(two.contains("size or number"), "{two}");
+    assert!(two.contains("number of views"), "{two}");
+    let mut larger = scene(&source, &[0, 1], Refine::Exact);
+    larger.scene.picture.size[0] += 1;
+    let larger = refused(larger);
+    assert!(larger.contains("pictures are larger"), "{larger}");
     // Another volume, and nothing is lost: the renderer draws on.
     let others: Arc<dyn BrickSource> = four_channels();
     let next = change(&device, renderer.plan(), scene(&others, &[0, 1], Refine::Exact));
