@@ -24,6 +24,9 @@ pub struct Arguments {
     /// Begin with this view; default: the scene's first.
     #[arg(long, value_name = "NAME")]
     view: Option<String>,
+    /// Save the scene as it is seen to this file, on Ctrl and S; default: its name with .view.toml, here.
+    #[arg(long, value_name = "FILE")]
+    save_as: Option<PathBuf>,
     /// Write what the window did as JSON when it is closed: frames, times, idle submits.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -46,10 +49,16 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     data.scene.views.truncate(1);
     data.scene.quality.refine = Refine::Substitute;
     let gpu = arguments.device.open_for_windows()?;
-    let title = arguments.scene.scene.file_name().unwrap_or_default().to_string_lossy();
+    let file = &arguments.scene.scene;
+    let title = file.file_name().unwrap_or_default().to_string_lossy();
+    let beside = || {
+        let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+        PathBuf::from(format!("{stem}.view.toml"))
+    };
     let (scene, middle) = (data.scene.clone(), middle_world(&data));
     let report = viewer::show(Request {
         title: format!("{title} - Ashfall"),
+        save_as: arguments.save_as.clone().unwrap_or_else(beside),
         size: scene.picture.size,
         scene,
         middle,

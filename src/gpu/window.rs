@@ -182,17 +182,17 @@ impl WindowSurface {
         })
     }
 
-    /// The texture of a picture of this size, sRGB with straight alpha; what it shows comes with
-    /// [`WindowSurface::paint`].
+    /// The texture of a picture of this size, sRGB with straight alpha, `smooth` where its pixels are not the
+    /// window's; what it shows comes with [`WindowSurface::paint`].
     ///
     /// # Errors
     /// Exit code 4 when the device runs out of memory.
-    pub fn texture(&mut self, size: [u32; 2]) -> Result<egui::TextureId> {
-        if self.picture.size() != size {
+    pub fn texture(&mut self, size: [u32; 2], smooth: bool) -> Result<egui::TextureId> {
+        if !self.picture.is(size, smooth) {
             // The texture of before may still be painted.
             self.wait()?;
         }
-        self.picture.resize(size)
+        self.picture.resize(size, smooth)
     }
 
     /// Paints and shows the window, `picture` first if there is a new one: as large as its texture. `true`:

@@ -20,6 +20,7 @@ pub(super) struct WindowPicture {
 
 struct Made {
     size: [u32; 2],
+    smooth: bool,
     image: vk::Image,
     view: vk::ImageView,
     sampler: vk::Sampler,
@@ -46,13 +47,14 @@ impl WindowPicture {
         WindowPicture { windows: windows.clone(), registry, made: None }
     }
 
-    pub fn size(&self) -> [u32; 2] {
-        self.made.as_ref().map_or([0; 2], |made| made.size)
+    pub fn is(&self, size: [u32; 2], smooth: bool) -> bool {
+        self.made.as_ref().is_some_and(|made| made.size == size && made.smooth == smooth)
     }
 
-    /// The texture of a picture of this size. The one of before must not be in use.
-    pub fn resize(&mut self, size: [u32; 2]) -> Result<egui::TextureId> {
-        if let Some(made) = self.made.as_ref().filter(|made| made.size == size) {
+    /// The texture of a picture of this size; `smooth`: values between its pixels are interpolated. The one of
+    /// before must not be in use.
+    pub fn resize(&mut self, size: [u32; 2], smooth: bool) -> Result<egui::TextureId> {
+        if let Some(made) = self.made.as_ref().filter(|_| self.is(size, smooth)) {
             return Ok(made.texture);
         }
         self.destroy();
@@ -73,6 +75,7 @@ impl WindowPicture {
         let image = unsafe { device.create_image(&info, None) }.map_err(failed)?;
         let mut made = Made {
             size,
+            smooth,
             image,
             view: vk::ImageView::null(),
             sampler: vk::Sampler::null(),
@@ -114,8 +117,13 @@ impl WindowPicture {
                 .format(vk::Format::R8G8B8A8_UNORM)
                 .subresource_range(WHOLE);
             made.view = device.create_image_view(&info, None).map_err(failed)?;
-            // A pixel of the picture is a pixel of the window; while sizes differ, nearest.
-            made.sampler = device.create_sampler(&Default::default(), None).map_err(failed)?;
+            let filter = if made.smooth { vk::Filter::LINEAR } else { vk::Filter::NEAREST };
+            let info = vk::SamplerCreateInfo::builder()
+                .mag_filter(filter)
+                .min_filter(filter)
+                .address_mode_u(vk::SamplerAddressMode::CLAMP_TO_EDGE)
+                .address_mode_v(vk::SamplerAddressMode::CLAMP_TO_EDGE);
+            made.sampler = device.create_sampler(&info, None).map_err(failed)?;
         }
         let bytes = u64::from(made.size[0]) * u64::from(made.size[1]) * 4;
         for _ in 0..FRAMES {

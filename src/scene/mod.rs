@@ -10,6 +10,7 @@ mod overrides;
 mod place;
 mod transfer;
 mod view;
+mod written;
 
 use std::path::PathBuf;
 

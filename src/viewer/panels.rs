@@ -1,9 +1,11 @@
 //! The panels beside the picture: channels, quality, and what the machine does.
 
 use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
 
 use egui::{Color32, Context, DragValue, RichText, Slider, Ui};
 
+use crate::error::Result;
 use crate::scene::{Channel, Filter, Integrator, Scene, TransferFunction, TransferPoint};
 use crate::viewer::{Camera, Shown};
 
@@ -21,15 +23,22 @@ pub struct Panels {
     rounds_ms: VecDeque<f64>,
     /// The picture that the last of them is of.
     number: u64,
+    /// Where the scene is saved to.
+    save_as: String,
+    saves: bool,
+    /// What came of the last saving.
+    saved: Option<Result<()>>,
 }
 
+/// Told from green and blue in every common kind of colour blindness.
+const WARNS: Color32 = Color32::from_rgb(255, 160, 60);
 /// Rounds that the graph shows.
 const ROUNDS_SHOWN: usize = 120;
 /// Of all panels, points.
 pub const WIDTH: f32 = 290.0;
 
 impl Panels {
-    pub fn new(scene: &Scene) -> Panels {
+    pub fn new(scene: &Scene, save_as: &Path) -> Panels {
         Panels {
             original: scene.clone(),
             scene: scene.clone(),
@@ -38,7 +47,20 @@ impl Panels {
             open: true,
             rounds_ms: VecDeque::new(),
             number: 0,
+            save_as: save_as.to_string_lossy().into_owned(),
+            saves: false,
+            saved: None,
         }
+    }
+
+    /// Where the scene is to be saved to now, if it is.
+    pub fn take_save(&mut self) -> Option<PathBuf> {
+        std::mem::take(&mut self.saves).then(|| PathBuf::from(&self.save_as))
+    }
+
+    /// What came of it.
+    pub fn tell_saved(&mut self, saved: Result<()>) {
+        self.saved = Some(saved);
     }
 
     /// Writes into `scene` what the panels say, where it has changed since the last time; whether it has.
@@ -62,8 +84,12 @@ impl Panels {
                 self.rounds_ms.pop_front();
             }
         }
-        if context.input(|input| input.key_pressed(egui::Key::Tab)) {
+        let pressed = |key| context.input(|input| input.key_pressed(key));
+        if pressed(egui::Key::Tab) {
             self.open = !self.open;
+        }
+        if pressed(egui::Key::S) && context.input(|input| input.modifiers.command) {
+            self.saves = true;
         }
         egui::SidePanel::right("panels").exact_width(WIDTH).resizable(false).show_animated(
             context,
@@ -71,13 +97,16 @@ impl Panels {
             |ui| {
                 egui::ScrollArea::vertical().show(ui, |ui| {
                     if let Some(why) = &shown.error {
-                        ui.colored_label(Color32::from_rgb(255, 160, 60), why.to_string());
+                        ui.colored_label(WARNS, why.to_string());
                         ui.separator();
                     }
                     section(ui, "Channels", true, |ui| self.channels(ui));
                     section(ui, "Quality", true, |ui| self.quality(ui));
                     section(ui, "Time and bricks", true, |ui| self.machine(ui, shown));
-                    section(ui, "Camera", false, |ui| of_camera(ui, camera));
+                    section(ui, "Scene", false, |ui| {
+                        of_camera(ui, camera);
+                        self.saving(ui);
+                    });
                     section(ui, "Help", false, help);
                 });
             },
@@ -140,6 +169,18 @@ impl Panels {
         }
     }
 
+    fn saving(&mut self, ui: &mut Ui) {
+        ui.horizontal(|ui| {
+            self.saves |= ui.button("save").clicked();
+            ui.add(egui::TextEdit::singleline(&mut self.save_as).desired_width(200.0));
+        });
+        match &self.saved {
+            Some(Ok(())) => _ = ui.label("saved"),
+            Some(Err(why)) => _ = ui.colored_label(WARNS, why.to_string()),
+            None => {}
+        }
+    }
+
     fn machine(&self, ui: &mut Ui, shown: &Shown) {
         let state = if shown.converged { "converged" } else { "drawing" };
         ui.label(format!("{state}, {} bricks copied for this scene", shown.bricks_uploaded));
@@ -161,10 +202,10 @@ impl Panels {
         if statistics.bricks_failed > 0 {
             let why = statistics.first_failure.clone().unwrap_or_default();
             let failed = format!("{} bricks failed, the first: {why}", statistics.bricks_failed);
-            ui.colored_label(Color32::from_rgb(255, 160, 60), failed);
+            ui.colored_label(WARNS, failed);
         }
         if let Some(unfinished) = &statistics.unfinished {
-            ui.colored_label(Color32::from_rgb(255, 160, 60), unfinished.to_string());
+            ui.colored_label(WARNS, unfinished.to_string());
         }
         egui::Grid::new("passes").striped(true).show(ui, |ui| {
             for time in &statistics.gpu_ms {
@@ -284,6 +325,7 @@ fn help(ui: &mut Ui) {
             ("1 to 6", "front, back, left, right, top, bottom"),
             ("Home, R", "back to the beginning"),
             ("Tab", "panels away, and back"),
+            ("Ctrl + S", "save the scene as it is seen"),
             ("Ctrl + Q", "close"),
         ] {
             ui.label(input);

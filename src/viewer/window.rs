@@ -1,6 +1,7 @@
 //! The window's loop: input, panels, the newest picture, and sleep.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -30,6 +31,8 @@ pub struct Request {
     pub gpu: Arc<Gpu>,
     /// Draws the scene's volume.
     pub live: Live,
+    /// Where the scene is saved to, unless another file is typed.
+    pub save_as: PathBuf,
     /// Pixels of its picture at first.
     pub size: [u32; 2],
 }
@@ -148,10 +151,11 @@ impl AppCreator<EguiAllocator> for Creator {
             work: Arc::default(),
             outcome: self.outcome.clone(),
             exit: context.exit_signal,
-            panels: Panels::new(&request.scene),
+            panels: Panels::new(&request.scene, &request.save_as),
             scene: request.scene,
             camera,
             shown: Shown::default(),
+            texture: None,
             wanted: None,
             moved: begun - REST,
             asked: None,
@@ -200,6 +204,7 @@ struct Viewer {
     scene: Scene,
     camera: Camera,
     shown: Shown,
+    texture: Option<egui::TextureId>,
     wanted: Option<Wanted>,
     /// When something last moved.
     moved: Instant,
@@ -232,12 +237,32 @@ impl Viewer {
     /// Asks for the scene as it is now.
     fn want(&mut self, size: [u32; 2], wider: u32) {
         let Some(live) = &self.live else { return };
-        let mut scene = self.scene.clone();
-        scene.views = vec![self.camera.view().clone()];
-        scene.picture.size = size.map(|edge| edge.div_ceil(wider).max(1));
-        let number = live.want(scene);
+        let number = live.want(self.seen(size.map(|edge| edge.div_ceil(wider).max(1))));
         self.wanted = Some(Wanted { number, size, wider });
         lock(&self.outcome).report.scenes += 1;
+    }
+
+    /// The scene as the camera sees it.
+    fn seen(&self, size: [u32; 2]) -> Scene {
+        let mut scene = self.scene.clone();
+        scene.views = vec![self.camera.view().clone()];
+        scene.picture.size = size;
+        scene
+    }
+
+    /// Whole under its name, or not at all.
+    fn save(&self, path: &Path, size: [u32; 2]) -> Result<()> {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let text = self.seen(size).to_toml(folder.unwrap_or(Path::new(".")));
+        let mut partial = path.as_os_str().to_owned();
+        partial.push(format!(".partial-{}", std::process::id()));
+        std::fs::write(&partial, text).and_then(|()| std::fs::rename(&partial, path)).map_err(
+            |why| {
+                // What is left of it is of no use.
+                let _ = std::fs::remove_file(&partial);
+                Error::machine(format!("{}: cannot be written: {why}", path.display()))
+            },
+        )
     }
 
     /// How much wider a pixel must be so that a picture keeps to its time while something moves.
@@ -273,10 +298,18 @@ impl Viewer {
         {
             self.want(size, 1);
         }
+        if let Some(path) = self.panels.take_save() {
+            let saved = self.save(&path, size);
+            self.panels.tell_saved(saved);
+        }
         let (Some(surface), Some(picture)) = (&self.surface, &self.shown.picture) else {
             return Ok(());
         };
-        let texture = lock(surface).texture(picture.size)?;
+        let smooth = picture.size != size;
+        let texture = lock(surface).texture(picture.size, smooth)?;
+        if self.texture.replace(texture) != Some(texture) {
+            lock(&self.work).picture = Some(self.shown.bytes.clone());
+        }
         let drawn = egui::vec2(size[0] as f32, size[1] as f32) / per_point;
         let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
         let at = egui::Rect::from_min_size(area.min, drawn);

@@ -174,7 +174,15 @@ fn an_octree_gives_the_same_bytes_as_the_page_table() {
             (paging.leaf, paging.fan_out) = (leaf, fan_out);
         });
         let drawn = finished(&device, &data, &octree);
-        assert_same(&drawn.picture, &page_table.picture, &format!("{scene}, {octree:?}"));
+        let what = format!("{scene}, {octree:?}");
+        match refine {
+            Refine::Exact => assert_same(&drawn.picture, &page_table.picture, &what),
+            // Boxes of one value are one sample, and rounded once: aneurism has some.
+            Refine::Substitute => {
+                let db = psnr_db(&drawn.picture, &page_table.picture);
+                assert!(db > 130.0, "{what}: {db:.1} dB");
+            }
+        }
         let [with, without] = [&drawn, &page_table].map(|drawn| drawn.statistics.samples);
         assert!(
             with * 3 < without * 2 || refine == Refine::Substitute,

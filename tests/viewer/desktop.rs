@@ -103,8 +103,18 @@ impl Desktop {
         self.fake(x11rb::protocol::xproto::BUTTON_RELEASE_EVENT, button, [0; 2]);
     }
 
-    /// Presses and lets go of a key.
-    pub fn key(&self, keysym: u32) {
+    /// Presses keys one after the other, and lets go of them.
+    pub fn keys(&self, keysyms: &[u32]) {
+        for keysym in keysyms {
+            self.fake(x11rb::protocol::xproto::KEY_PRESS_EVENT, self.code_of(*keysym), [0; 2]);
+            std::thread::sleep(Duration::from_millis(60));
+        }
+        for keysym in keysyms.iter().rev() {
+            self.fake(x11rb::protocol::xproto::KEY_RELEASE_EVENT, self.code_of(*keysym), [0; 2]);
+        }
+    }
+
+    fn code_of(&self, keysym: u32) -> u8 {
         let (least, most) = {
             let setup = self.connection.setup();
             (setup.min_keycode, setup.max_keycode)
@@ -117,10 +127,7 @@ impl Desktop {
             .expect("keys");
         let per_code = usize::from(known.keysyms_per_keycode);
         let at = known.keysyms.chunks(per_code).position(|of| of.contains(&keysym));
-        let code = least + at.expect("a key of it") as u8;
-        self.fake(x11rb::protocol::xproto::KEY_PRESS_EVENT, code, [0; 2]);
-        std::thread::sleep(Duration::from_millis(60));
-        self.fake(x11rb::protocol::xproto::KEY_RELEASE_EVENT, code, [0; 2]);
+        least + at.expect("a key of it") as u8
     }
 
     /// The window of this title, once it is there.

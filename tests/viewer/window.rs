@@ -48,6 +48,8 @@ impl<'d> View<'d> {
         let child = view(&scene, &desktop.display)
             .arg("--report")
             .arg(&report)
+            .arg("--save-as")
+            .arg(folder.path("saved.toml"))
             .spawn()
             .expect("the binary runs");
         let window = desktop.window("scene.toml");
@@ -99,6 +101,10 @@ impl Closed {
     /// What was on the screen is what `render` makes of the camera and size at the end.
     fn assert_showed(&self, shot: &Shot, folder: &Folder) {
         let scene = folder.write("rendered.toml", scene_text(self.camera()));
+        self.assert_is(shot, &scene, folder);
+    }
+
+    fn assert_is(&self, shot: &Shot, scene: &Path, folder: &Folder) {
         let picture = folder.path("rendered.png");
         let [origin, size] = self.area();
         let pixels = format!("{}x{}", size[0], size[1]);
@@ -156,8 +162,13 @@ fn what_is_on_the_screen_is_what_render_draws() {
     desktop.drag(4, &[[100, 80]]);
     let moved = desktop.still(STILL);
     assert!(moved.psnr_db(&turned) < 40.0, "the picture moved");
+    // Saved as it is seen; picture size and all.
+    const CONTROL: u32 = 0xffe3;
+    desktop.keys(&[CONTROL, u32::from(b's')]);
+    desktop.still(STILL);
     let closed = view.close();
     closed.assert_showed(&moved, &folder);
+    closed.assert_is(&moved, &folder.path("saved.toml"), &folder);
     let waits = closed.report["input_ms"].as_array().expect("a list").len();
     assert!(waits >= 2, "{:#}", closed.report);
     assert!(closed.camera()[0] != BEGIN[0]);
@@ -167,10 +178,10 @@ fn what_is_on_the_screen_is_what_render_draws() {
     desktop.still(STILL);
     desktop.focus(view.window);
     desktop.move_to([100, 80]);
-    desktop.key(u32::from(b'5'));
+    desktop.keys(&[u32::from(b'5')]);
     let top = desktop.still(STILL);
     assert!(top != first, "from the top");
-    desktop.key(u32::from(b'r'));
+    desktop.keys(&[u32::from(b'r')]);
     desktop.still(STILL);
     let closed = view.close();
     assert_eq!(closed.camera()[0], BEGIN[0], "back at home");
