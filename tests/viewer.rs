@@ -10,5 +10,8 @@ mod desktop;
 #[path = "viewer/live.rs"]
 mod live;
 #[cfg(all(feature = "viewer", target_os = "linux"))]
+#[path = "viewer/pictures.rs"]
+mod pictures;
+#[cfg(all(feature = "viewer", target_os = "linux"))]
 #[path = "viewer/window.rs"]
 mod window;

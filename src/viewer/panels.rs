@@ -207,6 +207,8 @@ impl Panels {
         if let Some(unfinished) = &statistics.unfinished {
             ui.colored_label(WARNS, unfinished.to_string());
         }
+        let on_device: f64 = statistics.gpu_ms.iter().map(|time| time.ms).sum();
+        ui.label(format!("of that by the device's clock {on_device:.0} ms:"));
         egui::Grid::new("passes").striped(true).show(ui, |ui| {
             for time in &statistics.gpu_ms {
                 ui.label(&time.pass);

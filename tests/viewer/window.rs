@@ -45,7 +45,7 @@ impl<'d> View<'d> {
     fn open(desktop: &'d Desktop, folder: &Folder) -> View<'d> {
         let scene = folder.write("scene.toml", scene_text(BEGIN));
         let report = folder.path("report.json");
-        let child = view(&scene, &desktop.display)
+        let child = view(&scene, &desktop.display, SIZE)
             .arg("--report")
             .arg(&report)
             .arg("--save-as")
@@ -69,13 +69,13 @@ impl<'d> View<'d> {
     }
 }
 
-fn view(scene: &Path, display: &str) -> Command {
+pub fn view(scene: &Path, display: &str, size: [u32; 2]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_ashfall"));
     command.current_dir(std::env::temp_dir());
     command.env("DISPLAY", display).env_remove("WAYLAND_DISPLAY");
     command.env("XDG_RUNTIME_DIR", std::env::temp_dir());
     command.arg("view").arg(scene).arg("--validate");
-    command.args(["--size", &format!("{}x{}", SIZE[0], SIZE[1])]);
+    command.args(["--size", &format!("{}x{}", size[0], size[1])]);
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }
@@ -239,7 +239,7 @@ fn closing_while_it_loads() {
     let folder = Folder::new("view");
     let scene = folder.write("scene.toml", scene_text(BEGIN));
     for wait_ms in [0, 60, 250, 600] {
-        let child = view(&scene, &desktop.display).spawn().expect("the binary runs");
+        let child = view(&scene, &desktop.display, SIZE).spawn().expect("the binary runs");
         let window = desktop.window("scene.toml");
         std::thread::sleep(Duration::from_millis(wait_ms));
         desktop.close(window);
@@ -256,7 +256,7 @@ fn no_display_is_told_in_a_sentence() {
     let folder = Folder::new("view");
     let scene = folder.write("scene.toml", scene_text(BEGIN));
     for display in ["", ":9999"] {
-        let mut command = view(&scene, display);
+        let mut command = view(&scene, display, SIZE);
         if display.is_empty() {
             command.env_remove("DISPLAY");
         }
