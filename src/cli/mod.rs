@@ -28,6 +28,7 @@ mod reading;
 mod reference;
 mod render;
 mod scene_flags;
+mod stereo_flags;
 mod study;
 mod trace_file;
 mod verify;

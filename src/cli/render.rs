@@ -11,10 +11,11 @@ use crate::cli::output::{print, print_json, write_json};
 use crate::cli::picture_file::{check_output, write_layers, write_picture};
 use crate::cli::progress::Progress;
 use crate::cli::scene_flags::{DeviceFlags, SceneFlags, WorkFlags, shader_compiler};
+use crate::cli::stereo_flags::StereoFlags;
 use crate::cli::trace_file::TraceFile;
 use crate::error::{Error, Exit, Result};
 use crate::gpu::{Gpu, ShaderCompiler};
-use crate::render::{Addressing, Renderer, SceneData, Settings, Statistics};
+use crate::render::{Addressing, Renderer, SceneData, Settings, Statistics, StereoLayout};
 use crate::study::error_estimate::{Coverage, Drawing, Drawn, DrawnBy, ErrorEstimate};
 use crate::study::layout_price;
 
@@ -42,6 +43,8 @@ pub struct Arguments {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    stereo: StereoFlags,
+    #[command(flatten)]
     error: ErrorFlags,
     #[command(flatten)]
     device: DeviceFlags,
@@ -55,6 +58,9 @@ struct ViewResult {
     files: Vec<PathBuf>,
     #[serde(flatten)]
     statistics: Statistics,
+    /// Of the picture's other half, where it is of two eyes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    right_eye: Option<Statistics>,
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<ErrorFigures>,
 }
@@ -82,6 +88,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let trace_file = arguments.trace.as_deref().map(TraceFile::create).transpose()?;
     let mut data = arguments.scene.load()?;
     keep_views(&mut data.scene.views, &arguments.view)?;
+    let mut names: Vec<_> = data.scene.views.iter().map(|view| view.name.clone()).collect();
+    let joins = arguments.stereo.apply(&mut data)?;
+    if joins.is_none() {
+        names = data.scene.views.iter().map(|view| view.name.clone()).collect();
+    } else if arguments.error.error {
+        return Err(Error::arguments(
+            "--error measures pictures of one eye: use --stereo pair with it",
+        ));
+    }
     // Before a device is looked for: drawing directly takes every voxel.
     if settings.addressing == Addressing::Direct {
         data.check_memory()?;
@@ -92,9 +107,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let scene = &arguments.scene.scene;
     let trace = trace_file.as_ref().map(|file| file.begin(&gpu, scene));
     let mut renderer = Renderer::traced(&gpu, plan, &data, trace.as_ref())?;
-    let names = data.scene.views.iter().map(|view| view.name.clone()).collect();
     let results = Results { views: Vec::new() };
-    let mut written = Written { arguments, outputs: &outputs, names, results };
+    let mut written = Written { arguments, outputs: &outputs, names, joins, results };
     let drawn = written.draw_views(&mut renderer);
     // Of a drawing that failed it is wanted most.
     let traced = match (trace_file, &trace) {
@@ -126,17 +140,20 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
 /// What a view's picture lacks, in a sentence.
 fn incomplete(view: &ViewResult) -> Option<String> {
-    let statistics = &view.statistics;
+    let of_eyes = [Some(&view.statistics), view.right_eye.as_ref()];
+    of_eyes.into_iter().flatten().find_map(|statistics| lacks(&view.view, statistics))
+}
+
+fn lacks(name: &str, statistics: &Statistics) -> Option<String> {
     if let Some(reason) = &statistics.unfinished {
         return Some(format!(
-            "view \"{}\" is unfinished, {} rays wait: {reason}",
-            view.view, statistics.rays_waiting
+            "view \"{name}\" is unfinished, {} rays wait: {reason}",
+            statistics.rays_waiting
         ));
     }
     (statistics.bricks_failed > 0).then(|| {
         format!(
-            "view \"{}\" lacks {} bricks that could not be read{}",
-            view.view,
+            "view \"{name}\" lacks {} bricks that could not be read{}",
             statistics.bricks_failed,
             statistics
                 .first_failure
@@ -150,8 +167,10 @@ fn incomplete(view: &ViewResult) -> Option<String> {
 struct Written<'a> {
     arguments: &'a Arguments,
     outputs: &'a [PathBuf],
-    /// Of the views.
+    /// Of the pictures.
     names: Vec<String>,
+    /// How two views make one picture, where they do.
+    joins: Option<StereoLayout>,
     results: Results,
 }
 
@@ -161,12 +180,22 @@ impl Written<'_> {
         let mut waiting = Vec::new();
         for index in 0..self.names.len() {
             let progress = Progress::start(&self.names[index]);
-            let (picture, statistics) = renderer.draw(index, &mut |part| progress.set(part))?;
+            let (mut drawn, mut right_eye) = match self.joins {
+                None => (renderer.draw(index, &mut |part| progress.set(part))?, None),
+                Some(_) => {
+                    let left = renderer.draw(2 * index, &mut |part| progress.set(part / 2.0))?;
+                    let mut told = |part| progress.set(0.5 + part / 2.0);
+                    (left, Some(renderer.draw(2 * index + 1, &mut told)?))
+                }
+            };
             drop(progress);
-            let drawn = Drawn { picture, statistics };
+            if let (Some(layout), Some((right, _))) = (self.joins, &right_eye) {
+                drawn.0 = layout.joined(&drawn.0, right);
+            }
+            let drawn = Drawn { picture: drawn.0, statistics: drawn.1 };
             match self.arguments.error.error {
                 true => waiting.push(drawn),
-                false => self.finish(drawn, None)?,
+                false => self.finish(drawn, right_eye.take().map(|(_, of)| of), None)?,
             }
         }
         Ok(waiting)
@@ -194,13 +223,18 @@ impl Written<'_> {
             Err(why) => (vec![None; drawn.len()], Err(why)),
         };
         for (drawn, estimate) in drawn.into_iter().zip(estimates) {
-            self.finish(drawn, estimate)?;
+            self.finish(drawn, None, estimate)?;
         }
         failed
     }
 
     /// Writes the files of the next view and says what it cost.
-    fn finish(&mut self, drawn: Drawn, estimate: Option<ErrorEstimate>) -> Result<()> {
+    fn finish(
+        &mut self,
+        drawn: Drawn,
+        right_eye: Option<Statistics>,
+        estimate: Option<ErrorEstimate>,
+    ) -> Result<()> {
         let name = &self.names[self.results.views.len()];
         let views = self.names.len();
         let of_view = |output: &PathBuf| file_of_view(output, name, views);
@@ -221,7 +255,7 @@ impl Written<'_> {
                 Some(ErrorFigures { truth: truth.transpose()?, estimate })
             }
         };
-        let result = ViewResult { view: name.clone(), files, statistics, error };
+        let result = ViewResult { view: name.clone(), files, statistics, right_eye, error };
         if !self.arguments.json {
             report(&result)?;
         }
@@ -239,7 +273,7 @@ fn write_stats(path: &Path, results: &Results) -> Result<()> {
 }
 
 fn report(result: &ViewResult) -> Result<()> {
-    let ViewResult { view: name, files, statistics, error } = result;
+    let ViewResult { view: name, files, statistics, right_eye, error } = result;
     let files: Vec<_> = files.iter().map(|file| file.display().to_string()).collect();
     let passes: Vec<_> =
         statistics.gpu_ms.iter().map(|time| format!("{} {:.1}", time.pass, time.ms)).collect();
@@ -252,10 +286,19 @@ fn report(result: &ViewResult) -> Result<()> {
         statistics.device_bytes as f64 / f64::from(1 << 20),
         statistics.device,
     ))?;
+    let indent = " ".repeat(name.len());
+    if let Some(right) = right_eye {
+        print(format_args!(
+            "{indent}: right eye in {:.0} ms, {:.1} million samples, {} bricks uploaded beside the left eye's\n",
+            right.wall_ms,
+            right.samples as f64 * 1e-6,
+            right.bricks_uploaded,
+        ))?;
+    }
     if let Some(loading) = &statistics.loading {
         print(format_args!(
             "{}: {} rounds, {} bricks needed, {} uploaded ({:.1} MiB), {} hidden, {} of one value, {} absent, {} failed, {} read\n",
-            " ".repeat(name.len()),
+            indent,
             statistics.rounds,
             statistics.bricks_needed,
             statistics.bricks_uploaded,
@@ -269,13 +312,12 @@ fn report(result: &ViewResult) -> Result<()> {
         if statistics.constants_overflow > 0 {
             print(format_args!(
                 "{}: {} bricks of one value travel: the table of values is full\n",
-                " ".repeat(name.len()),
-                statistics.constants_overflow,
+                indent, statistics.constants_overflow,
             ))?;
         }
     }
     if let Some(error) = error {
-        report_error(&" ".repeat(name.len()), error)?;
+        report_error(&indent, error)?;
     }
     Ok(())
 }

@@ -3,12 +3,11 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use glam::DVec3;
 
 use crate::cli::output::write_json;
 use crate::cli::scene_flags::{DeviceFlags, SceneFlags, WorkFlags, shader_compiler};
 use crate::error::Result;
-use crate::render::{Addressing, SceneData};
+use crate::render::Addressing;
 use crate::scene::Refine;
 use crate::viewer::{self, Live, Request};
 
@@ -55,7 +54,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let stem = file.file_stem().unwrap_or_default().to_string_lossy();
         PathBuf::from(format!("{stem}.view.toml"))
     };
-    let (scene, middle) = (data.scene.clone(), middle_world(&data));
+    let (scene, middle) = (data.scene.clone(), data.middle_world(0));
     let report = viewer::show(Request {
         title: format!("{title} - Ashfall"),
         save_as: arguments.save_as.clone().unwrap_or_else(beside),
@@ -69,9 +68,4 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         write_json(file, &report)?;
     }
     DeviceFlags::heed_validation(&gpu)
-}
-
-fn middle_world(data: &SceneData) -> DVec3 {
-    let size = data.volumes[0].source.description().size().to_array();
-    data.world_from_voxel(0).point(DVec3::from_array(size.map(f64::from)) / 2.0)
 }

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
+
 use crate::error::Result;
 use crate::render::volume_data::VolumeData;
 use crate::scene::{Scene, Source, Volume};
@@ -65,6 +67,12 @@ impl SceneData {
             )));
         }
         Ok(())
+    }
+
+    /// The middle of a volume, world.
+    pub fn middle_world(&self, volume: usize) -> DVec3 {
+        let size = self.volumes[volume].source.description().size().to_array();
+        self.world_from_voxel(volume).point(DVec3::from_array(size.map(f64::from)) / 2.0)
     }
 
     /// Voxel (corner origin) of a volume's level 0 to world: what the scene states wins.

@@ -8,6 +8,7 @@ mod check_channel;
 mod file;
 mod overrides;
 mod place;
+mod stereo;
 mod transfer;
 mod view;
 mod written;
@@ -19,6 +20,7 @@ use crate::volume::{RawLayout, Size3, WorldFromVoxel};
 
 pub use overrides::Overrides;
 pub use place::Place;
+pub use stereo::Stereo;
 pub use transfer::{TransferFunction, TransferPoint};
 pub use view::{Projection, RayFrame, View};
 

@@ -82,19 +82,25 @@ impl View {
         Ok(View { name, eye, forward, right, up: right.cross(forward), projection })
     }
 
+    /// The rectangle at distance 1 through which rays of a picture of `size` pixels leave the eye: left, right,
+    /// bottom, top. Nothing where they are parallel.
+    pub fn bounds_at_1(&self, size: [u32; 2]) -> Option<[f64; 4]> {
+        match self.projection {
+            Projection::Perspective { fov_degrees } => {
+                Some(around_middle((fov_degrees.to_radians() / 2.0).tan(), size))
+            }
+            Projection::Orthographic { .. } => None,
+            Projection::Frustum { bounds } => Some(bounds),
+        }
+    }
+
     /// The rays, in world space, of a picture of `size` pixels (across, down).
     pub fn ray_frame_world(&self, size: [u32; 2]) -> RayFrame {
         let [width, height] = size.map(f64::from);
-        let [left, right, bottom, top] = match self.projection {
-            Projection::Perspective { fov_degrees } => {
-                let top = (fov_degrees.to_radians() / 2.0).tan();
-                [-top * width / height, top * width / height, -top, top]
-            }
-            Projection::Orthographic { height: world } => {
-                let top = world / 2.0;
-                [-top * width / height, top * width / height, -top, top]
-            }
-            Projection::Frustum { bounds } => bounds,
+        let [left, right, bottom, top] = match (self.bounds_at_1(size), self.projection) {
+            (Some(bounds), _) => bounds,
+            (None, Projection::Orthographic { height: world }) => around_middle(world / 2.0, size),
+            (None, _) => [0.0; 4],
         };
         let corner = self.right * left + self.up * top;
         let column = self.right * ((right - left) / width);
@@ -118,6 +124,12 @@ impl View {
             },
         }
     }
+}
+
+/// Left, right, bottom and top of a picture's rectangle whose middle is 0.
+fn around_middle(top: f64, size: [u32; 2]) -> [f64; 4] {
+    let [width, height] = size.map(f64::from);
+    [-top * width / height, top * width / height, -top, top]
 }
 
 impl RayFrame {
