@@ -1,6 +1,7 @@
 //! `ashfall bench`: prices, as ratios within one run.
 
 mod features;
+mod interaction;
 mod octree;
 mod overhead;
 mod paging;
@@ -27,6 +28,7 @@ enum Bench {
     Paging(paging::Arguments),
     Sample(sample::Arguments),
     Features(features::Arguments),
+    Interaction(Box<interaction::Arguments>),
     Store(store::Arguments),
 }
 
@@ -39,6 +41,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Bench::Paging(arguments) => paging::run(arguments),
         Bench::Sample(arguments) => sample::run(arguments),
         Bench::Features(arguments) => features::run(arguments),
+        Bench::Interaction(arguments) => interaction::run(arguments),
         Bench::Store(arguments) => store::run(arguments),
     }
 }

@@ -5,6 +5,7 @@
 //! ([`crate::gpu::Windows`]).
 
 mod camera;
+pub mod interaction;
 mod live;
 #[cfg(feature = "viewer")]
 mod panels;

@@ -9,7 +9,9 @@ use ashfall::scene::{Overrides, Refine, Scene};
 use ashfall::viewer::{Camera, Live, PICTURE_EDGE_MAX, Shown};
 use glam::DVec3;
 
+use crate::binary::ashfall;
 use crate::common::drawing::{Device, computed_scene};
+use crate::folder::Folder;
 
 fn scene(size: [u32; 2]) -> SceneData {
     let overrides = Overrides { size: Some(size), ..Overrides::default() };
@@ -130,4 +132,39 @@ fn at_rest_nothing_is_submitted_and_the_end_does_not_wait() {
     drop(live);
     println!("ended in {:.0} ms", begun.elapsed().as_secs_f64() * 1e3);
     device.finish();
+}
+
+/// Small, so that it cannot break unseen.
+#[test]
+fn pictures_follow_a_path_in_every_atlas() {
+    if std::env::var_os("ASHFALL_NO_DEVICE").is_some() {
+        return;
+    }
+    let folder = Folder::new("interaction");
+    let text = "format = 1\n[[volume]]\nname = \"v\"\nsource = { computed = \"shells\", size = [96, 96, 96] }\n\
+        [[volume.channel]]\nwindow = [0.0, 1.0]\ntransfer = [\n\
+        { at = 0.2, color = [1, 1, 1], extinction = 0.0 }, { at = 1.0, color = [1, 1, 1], extinction = 0.1 }]\n\
+        [[view]]\neye = [150.0, -100.0, 120.0]\ntarget = [48.0, 48.0, 48.0]\nup = [0.0, 0.0, 1.0]\nfov_degrees = 40.0\n";
+    let scene = folder.write("scene.toml", text);
+    let run = ashfall([
+        "bench".as_ref(),
+        "interaction".as_ref(),
+        scene.as_os_str(),
+        "--size=80x60".as_ref(),
+        "--steps=5".as_ref(),
+        "--atlases=1,64".as_ref(),
+        "--json".as_ref(),
+        "--validate".as_ref(),
+    ]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let table: serde_json::Value = serde_json::from_str(&run.stdout).expect("JSON");
+    let rows = table["rows"].as_array().expect("rows");
+    assert_eq!(rows.len(), 2);
+    for row in rows {
+        let of = |key: &str| row[key].as_f64().unwrap_or_else(|| panic!("{key} of {row}"));
+        assert!(of("step_ms") > 0.0 && of("step_ms") <= of("step_p95_ms"), "{row}");
+        assert!(of("step_p95_ms") <= of("step_worst_ms") && of("first_picture_ms") > 0.0, "{row}");
+        assert!((1.0..=3.0).contains(&of("rounds_to_picture_max")), "{row}");
+        assert!(of("converged_ms") > 0.0 && of("bricks_read") > 5.0, "{row}");
+    }
 }
