@@ -40,6 +40,8 @@ pub mod two_queues;
 mod window;
 #[cfg(feature = "viewer")]
 mod window_picture;
+#[cfg(feature = "viewer")]
+mod windows;
 mod write_commands;
 
 pub use access::{Access, Barrier, Tracker};
@@ -63,4 +65,6 @@ pub use staging::{Place, Staging};
 pub use timestamps::{StepTicks, SubmitTimes, Timestamps};
 pub use turns::Turn;
 #[cfg(feature = "viewer")]
-pub use window::{EguiAllocator, WindowSurface, Windows};
+pub use window::WindowSurface;
+#[cfg(feature = "viewer")]
+pub use windows::{EguiAllocator, Windows};

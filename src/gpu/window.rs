@@ -2,35 +2,19 @@
 //! triangles over it.
 //!
 //! egui-ash owns windows and their events; surfaces, swapchains and submits are ours, so that nothing is
-//! submitted where nothing changed. It is given the render role's queue: whoever calls it holds a [`Turn`].
+//! submitted where nothing changed. It is given the render role's queue: whoever calls it holds a [`crate::gpu::Turn`].
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
-use ash::extensions::khr;
 use ash::vk;
 use egui_ash::raw_window_handle::{HasRawDisplayHandle, HasRawWindowHandle};
-use egui_ash::{AshRenderState, EguiCommand, ImageRegistry, SwapchainUpdateInfo};
-use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use egui_ash::{EguiCommand, ImageRegistry, SwapchainUpdateInfo};
 
 use crate::error::{Error, Result};
-use crate::gpu::device::Gpu;
 use crate::gpu::instance::vulkan_failed;
 use crate::gpu::roles::RoleKind;
-use crate::gpu::turns::Turn;
 use crate::gpu::window_picture::WindowPicture;
-
-/// Memory for what egui draws with.
-pub type EguiAllocator = Arc<Mutex<Allocator>>;
-
-/// What all windows share. Lives longer than everything that egui-ash made with it.
-pub struct Windows {
-    // Freed before the device goes.
-    allocator: EguiAllocator,
-    surfaces: khr::Surface,
-    swapchains: khr::Swapchain,
-    pool: vk::CommandPool,
-    pub(super) gpu: Arc<Gpu>,
-}
+use crate::gpu::windows::{FRAMES, Windows};
 
 /// One window's surface.
 pub struct WindowSurface {
@@ -41,9 +25,6 @@ pub struct WindowSurface {
     next: usize,
     picture: WindowPicture,
 }
-
-/// Frames that may be under way: one is shown while the next is painted.
-pub(super) const FRAMES: usize = 2;
 
 struct Frame {
     commands: vk::CommandBuffer,
@@ -62,75 +43,6 @@ struct Swapchain {
     extent: vk::Extent2D,
     /// egui does not know its images yet.
     is_new: bool,
-}
-
-impl Windows {
-    /// Of a device that was opened to present.
-    ///
-    /// # Errors
-    /// Exit code 4 when the device runs out of memory.
-    pub fn new(gpu: &Arc<Gpu>) -> Result<Arc<Windows>> {
-        let instance = &gpu.instance;
-        let allocator = Allocator::new(&AllocatorCreateDesc {
-            instance: instance.raw.clone(),
-            device: gpu.device.clone(),
-            physical_device: gpu.physical,
-            debug_settings: Default::default(),
-            buffer_device_address: false,
-            allocation_sizes: Default::default(),
-        })
-        .map_err(|why| Error::machine(format!("memory of windows cannot be managed: {why}")))?;
-        let info = vk::CommandPoolCreateInfo::builder()
-            .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER)
-            .queue_family_index(gpu.queue_of(RoleKind::Render).0);
-        // SAFETY: the family was enumerated from this device.
-        let pool = unsafe { gpu.device.create_command_pool(&info, None) }
-            .map_err(|why| vulkan_failed("creating a command pool for windows", why))?;
-        Ok(Arc::new(Windows {
-            allocator: Arc::new(Mutex::new(allocator)),
-            surfaces: khr::Surface::new(&instance.entry, &instance.raw),
-            swapchains: khr::Swapchain::new(&instance.raw, &gpu.device),
-            pool,
-            gpu: gpu.clone(),
-        }))
-    }
-
-    /// What egui-ash draws with.
-    ///
-    /// # Errors
-    /// Exit code 4 when the device is lost.
-    pub fn render_state(&self) -> Result<AshRenderState<EguiAllocator>> {
-        let gpu = &self.gpu;
-        Ok(AshRenderState {
-            entry: gpu.instance.entry.clone(),
-            instance: gpu.instance.raw.clone(),
-            physical_device: gpu.physical,
-            device: gpu.device.clone(),
-            surface_loader: self.surfaces.clone(),
-            swapchain_loader: self.swapchains.clone(),
-            queue: gpu.role(RoleKind::Render)?.queue,
-            queue_family_index: gpu.queue_of(RoleKind::Render).0,
-            command_pool: self.pool,
-            allocator: self.allocator.clone(),
-        })
-    }
-
-    /// Waits until nobody else uses a queue.
-    pub fn turn(&self) -> Turn {
-        self.gpu.turns.take()
-    }
-
-    pub(super) fn allocator(&self) -> std::sync::MutexGuard<'_, Allocator> {
-        self.allocator.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl Drop for Windows {
-    fn drop(&mut self) {
-        // SAFETY: surfaces hold this in an Arc and free their command buffers when they go; egui-ash's
-        // have gone with the event loop.
-        unsafe { self.gpu.device.destroy_command_pool(self.pool, None) };
-    }
 }
 
 impl WindowSurface {

@@ -9,7 +9,7 @@ use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 
 use crate::error::{Error, Result};
 use crate::gpu::instance::vulkan_failed;
-use crate::gpu::window::{FRAMES, Windows};
+use crate::gpu::windows::{FRAMES, Windows};
 
 /// See the module.
 pub(super) struct WindowPicture {
