@@ -5,6 +5,7 @@
 
 mod check;
 mod check_channel;
+mod color_map;
 mod file;
 mod overrides;
 mod place;
@@ -18,6 +19,7 @@ use std::path::PathBuf;
 use crate::error::Error;
 use crate::volume::{RawLayout, Size3, WorldFromVoxel};
 
+pub use color_map::ColorMap;
 pub use overrides::Overrides;
 pub use place::Place;
 pub use stereo::Stereo;

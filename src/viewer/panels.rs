@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use egui::{Color32, Context, DragValue, RichText, Slider, Ui};
 
 use crate::error::Result;
-use crate::scene::{Channel, Filter, Integrator, Scene, TransferFunction, TransferPoint};
+use crate::scene::{Channel, ColorMap, Filter, Integrator, Scene, TransferFunction, TransferPoint};
 use crate::viewer::{Camera, Shown};
 
 /// See the module.
@@ -130,6 +130,15 @@ impl Panels {
                         self.hidden[at] = false;
                         self.changed = true;
                     }
+                    ui.menu_button("colours", |ui| {
+                        for map in ColorMap::ALL {
+                            if ui.button(map.name()).clicked() {
+                                channel.transfer = map.over(&channel.transfer);
+                                self.changed = true;
+                                ui.close_menu();
+                            }
+                        }
+                    });
                 });
                 self.changed |= window(ui, channel, original);
                 self.changed |= transfer(ui, channel);
