@@ -214,6 +214,83 @@ impl BrickSource for Counting {
     }
 }
 
+/// A source whose surveys of channel 2 wait until `opens`, and whose reads of channel 3 until they came back.
+struct Late {
+    of: Arc<DenseVolume>,
+    asked: AtomicU64,
+    opens: AtomicU64,
+    told: AtomicU64,
+}
+
+impl Late {
+    fn wait_for(count: &AtomicU64) {
+        while count.load(Ordering::SeqCst) == 0 {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+}
+
+impl BrickSource for Late {
+    fn description(&self) -> &Description {
+        self.of.description()
+    }
+
+    fn entry(&self, id: BrickId) -> Result<BrickEntry> {
+        if id.channel == 2 {
+            self.asked.fetch_add(1, Ordering::SeqCst);
+            Late::wait_for(&self.opens);
+            self.told.fetch_add(1, Ordering::SeqCst);
+        }
+        self.of.entry(id)
+    }
+
+    fn read(&self, id: BrickId, bytes: &mut Vec<u8>) -> Result<()> {
+        if id.channel == 3 {
+            Late::wait_for(&self.told);
+            // The survey itself, after its last entry.
+            std::thread::sleep(Duration::from_millis(30));
+        }
+        self.of.read(id, bytes)
+    }
+}
+
+/// A survey that comes while its channel is not shown says nothing to anybody: it is asked for again when the
+/// channel comes back.
+#[test]
+fn a_survey_that_came_while_another_channel_was_shown_is_made_again() {
+    let Some(device) = Device::open() else { return };
+    let late = Arc::new(Late {
+        of: four_channels(),
+        asked: AtomicU64::new(0),
+        opens: AtomicU64::new(0),
+        told: AtomicU64::new(0),
+    });
+    let source: Arc<dyn BrickSource> = late.clone();
+    let settings = paged(|paging| {
+        paging.lockstep = false;
+        paging.loaders = Some(2);
+    });
+    let of = |channel| marks(&source, channel, Refine::Exact);
+    let mut renderer = device.renderer(&of(2), &settings);
+    let next = renderer.next_scene();
+    let planned = change(&device, renderer.plan(), of(3));
+    let leaving = std::thread::spawn(move || {
+        Late::wait_for(&late.asked);
+        next.leave(planned);
+        // Taken up after the round under way.
+        std::thread::sleep(Duration::from_millis(200));
+        late.opens.fetch_add(1, Ordering::SeqCst);
+    });
+    let (green, _) = draw(&mut renderer);
+    leaving.join().expect("no panic");
+    assert!(colors(&green)[1] > 500, "channel 3");
+    let back = change(&device, renderer.plan(), of(2));
+    renderer.change(back).unwrap_or_else(|why| panic!("{why}"));
+    let (red, _) = draw(&mut renderer);
+    assert_same(&red, &finished(&device, &of(2), &settings).picture, "channel 2");
+    device.finish();
+}
+
 /// Pixels with red, and with green.
 fn colors(picture: &Picture) -> [usize; 2] {
     [0, 1].map(|part| picture.pixels.iter().filter(|pixel| pixel[part] > 0.0).count())

@@ -130,6 +130,11 @@ impl Paged {
             self.host.forget_channel(in_source, channel.keep);
             self.loading.forget_surveys(0, in_source);
         }
+        // What came of a channel while it was not shown was said to nobody.
+        let shown = |of: &ChannelPlace| self.plan.judges.contains_key(&of.in_source);
+        for channel in next.numbers.channels.iter().filter(|of| !shown(of)) {
+            self.loading.forget_surveys(0, channel.in_source);
+        }
         if self.forget.is_none() && !changed.is_empty() {
             self.forget = Some(ComputePipeline::new(gpu, forget.clone())?);
         }
