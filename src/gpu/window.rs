@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::gpu::instance::vulkan_failed;
 use crate::gpu::roles::RoleKind;
 use crate::gpu::window_picture::WindowPicture;
-use crate::gpu::windows::{FRAMES, Windows};
+use crate::gpu::windows::{FRAMES, WHOLE, Windows, change_layout};
 
 /// One window's surface.
 pub struct WindowSurface {
@@ -381,24 +381,6 @@ impl Swapchain {
 
 /// Black, and in the layout that egui's pass begins with.
 fn clear(device: &ash::Device, commands: vk::CommandBuffer, image: vk::Image) {
-    let range = vk::ImageSubresourceRange {
-        aspect_mask: vk::ImageAspectFlags::COLOR,
-        level_count: 1,
-        layer_count: 1,
-        ..Default::default()
-    };
-    let to = |old, new, from: (vk::PipelineStageFlags2, vk::AccessFlags2), to: (_, _)| {
-        vk::ImageMemoryBarrier2::builder()
-            .image(image)
-            .old_layout(old)
-            .new_layout(new)
-            .src_stage_mask(from.0)
-            .src_access_mask(from.1)
-            .dst_stage_mask(to.0)
-            .dst_access_mask(to.1)
-            .subresource_range(range)
-            .build()
-    };
     let clearing = (vk::PipelineStageFlags2::CLEAR, vk::AccessFlags2::TRANSFER_WRITE);
     let drawing = (
         vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT,
@@ -407,19 +389,12 @@ fn clear(device: &ash::Device, commands: vk::CommandBuffer, image: vk::Image) {
     let acquired = (vk::PipelineStageFlags2::ALL_COMMANDS, vk::AccessFlags2::NONE);
     let (cleared, drawn) =
         (vk::ImageLayout::TRANSFER_DST_OPTIMAL, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
-    for (barrier, clears) in [
-        (to(vk::ImageLayout::UNDEFINED, cleared, acquired, clearing), true),
-        (to(cleared, drawn, clearing, drawing), false),
-    ] {
-        let barriers = [barrier];
-        let info = vk::DependencyInfo::builder().image_memory_barriers(&barriers);
-        // SAFETY: the image was acquired, and the commands are being recorded.
-        unsafe {
-            device.cmd_pipeline_barrier2(commands, &info);
-            if clears {
-                let black = vk::ClearColorValue { float32: [0.0, 0.0, 0.0, 1.0] };
-                device.cmd_clear_color_image(commands, image, cleared, &black, &[range]);
-            }
-        }
+    // SAFETY: the image was acquired, and the commands are being recorded.
+    unsafe {
+        let undefined = vk::ImageLayout::UNDEFINED;
+        change_layout(device, commands, image, [undefined, cleared], acquired, clearing);
+        let black = vk::ClearColorValue { float32: [0.0, 0.0, 0.0, 1.0] };
+        device.cmd_clear_color_image(commands, image, cleared, &black, &[WHOLE]);
+        change_layout(device, commands, image, [cleared, drawn], clearing, drawing);
     }
 }

@@ -9,7 +9,7 @@ use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 
 use crate::error::{Error, Result};
 use crate::gpu::instance::vulkan_failed;
-use crate::gpu::windows::{FRAMES, Windows};
+use crate::gpu::windows::{FRAMES, WHOLE, Windows, change_layout};
 
 /// See the module.
 pub(super) struct WindowPicture {
@@ -32,13 +32,6 @@ struct Made {
     filled: bool,
 }
 
-const WHOLE: vk::ImageSubresourceRange = vk::ImageSubresourceRange {
-    aspect_mask: vk::ImageAspectFlags::COLOR,
-    base_mip_level: 0,
-    level_count: 1,
-    base_array_layer: 0,
-    layer_count: 1,
-};
 const SHOWN: vk::ImageLayout = vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL;
 const COPIED: vk::ImageLayout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
 
@@ -173,22 +166,6 @@ impl WindowPicture {
             (vk::PipelineStageFlags2::FRAGMENT_SHADER, vk::AccessFlags2::SHADER_SAMPLED_READ);
         let copying = (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE);
         let old = if made.filled { SHOWN } else { vk::ImageLayout::UNDEFINED };
-        let barrier = |(old, new), from: (_, _), to: (_, _)| {
-            let barriers = [vk::ImageMemoryBarrier2::builder()
-                .image(made.image)
-                .old_layout(old)
-                .new_layout(new)
-                .src_stage_mask(from.0)
-                .src_access_mask(from.1)
-                .dst_stage_mask(to.0)
-                .dst_access_mask(to.1)
-                .subresource_range(WHOLE)
-                .build()];
-            let info = vk::DependencyInfo::builder().image_memory_barriers(&barriers);
-            // SAFETY: the image is alive and the commands are being recorded.
-            unsafe { device.cmd_pipeline_barrier2(commands, &info) };
-        };
-        barrier((old, COPIED), (sampling.0, vk::AccessFlags2::NONE), copying);
         let region = vk::BufferImageCopy::builder()
             .image_subresource(vk::ImageSubresourceLayers {
                 aspect_mask: vk::ImageAspectFlags::COLOR,
@@ -197,11 +174,14 @@ impl WindowPicture {
             })
             .image_extent(vk::Extent3D { width: made.size[0], height: made.size[1], depth: 1 })
             .build();
-        // SAFETY: the staging buffer holds the whole picture; its frame's last submit has ended.
+        let before = (sampling.0, vk::AccessFlags2::NONE);
+        // SAFETY: the staging buffer holds the whole picture, and its frame's last submit has ended; the image
+        // is alive and the commands are being recorded.
         unsafe {
+            change_layout(device, commands, made.image, [old, COPIED], before, copying);
             device.cmd_copy_buffer_to_image(commands, *buffer, made.image, COPIED, &[region]);
+            change_layout(device, commands, made.image, [COPIED, SHOWN], copying, sampling);
         }
-        barrier((COPIED, SHOWN), copying, sampling);
         made.filled = true;
         Ok(())
     }

@@ -97,3 +97,42 @@ impl Drop for Windows {
         unsafe { self.gpu.device.destroy_command_pool(self.pool, None) };
     }
 }
+
+/// All of a picture.
+pub(super) const WHOLE: vk::ImageSubresourceRange = vk::ImageSubresourceRange {
+    aspect_mask: vk::ImageAspectFlags::COLOR,
+    base_mip_level: 0,
+    level_count: 1,
+    base_array_layer: 0,
+    layer_count: 1,
+};
+
+/// What a stage does with an image.
+pub(super) type Use = (vk::PipelineStageFlags2, vk::AccessFlags2);
+
+/// Brings an image from one layout into the other, between two uses.
+///
+/// # Safety
+/// The image is alive, and the commands are being recorded.
+pub(super) unsafe fn change_layout(
+    device: &ash::Device,
+    commands: vk::CommandBuffer,
+    image: vk::Image,
+    [old, new]: [vk::ImageLayout; 2],
+    from: Use,
+    to: Use,
+) {
+    let barriers = [vk::ImageMemoryBarrier2::builder()
+        .image(image)
+        .old_layout(old)
+        .new_layout(new)
+        .src_stage_mask(from.0)
+        .src_access_mask(from.1)
+        .dst_stage_mask(to.0)
+        .dst_access_mask(to.1)
+        .subresource_range(WHOLE)
+        .build()];
+    let info = vk::DependencyInfo::builder().image_memory_barriers(&barriers);
+    // SAFETY: the caller says so.
+    unsafe { device.cmd_pipeline_barrier2(commands, &info) };
+}
