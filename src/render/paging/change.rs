@@ -126,14 +126,13 @@ impl Paged {
         }
         let changed = self.plan.changed(&next);
         for channel in &changed {
-            let in_source = channel.place.in_source;
-            self.host.forget_channel(in_source, channel.keep);
-            self.loading.forget_surveys(0, in_source);
+            self.host.forget_channel(channel.place.in_source, channel.keep);
         }
-        // What came of a channel while it was not shown was said to nobody.
-        let shown = |of: &ChannelPlace| self.plan.judges.contains_key(&of.in_source);
-        for channel in next.numbers.channels.iter().filter(|of| !shown(of)) {
-            self.loading.forget_surveys(0, channel.in_source);
+        // Whoever judges anew asks anew: what came while a channel was not shown was said to nobody.
+        for (in_source, judge) in &next.judges {
+            if self.plan.judges.get(in_source) != Some(judge) {
+                self.loading.forget_surveys(0, *in_source);
+            }
         }
         if self.forget.is_none() && !changed.is_empty() {
             self.forget = Some(ComputePipeline::new(gpu, forget.clone())?);
