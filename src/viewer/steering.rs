@@ -86,12 +86,12 @@ fn by_keys(context: &Context, camera: &mut Camera) {
         step * (f64::from(down.contains(&plus)) - f64::from(down.contains(&minus)))
     };
     // Letters with Ctrl are commands.
-    let letters = f64::from(!context.input(|input| input.modifiers.command));
+    let commands = context.input(|input| input.modifiers.command);
     let fly = [between(Key::W, Key::S), between(Key::D, Key::A), between(Key::E, Key::Q)];
     let turn = [between(Key::ArrowRight, Key::ArrowLeft), between(Key::ArrowDown, Key::ArrowUp)];
     // Plus without Shift, on many keyboards.
     let nearer = between(Key::Plus, Key::Minus).max(between(Key::Equals, Key::Minus));
-    if fly.map(|part| letters * part) != [0.0; 3] {
+    if fly != [0.0; 3] && !commands {
         camera.fly(fly[0], fly[1], fly[2]);
     }
     if turn != [0.0; 2] {
