@@ -448,7 +448,8 @@ fn who_watches_rounds_sees_the_finished_picture_last() {
             seen.push(picture);
             std::ops::ControlFlow::Continue(())
         })
-        .expect("drawn");
+        .expect("drawn")
+        .expect("not broken off");
     assert!(picture == plain.picture && statistics.converged);
     assert_eq!(statistics.rounds, plain.statistics.rounds);
     let rounds: Vec<u64> = seen.iter().map(|seen| seen.round).collect();

@@ -48,7 +48,7 @@ const ROOMS: &[(&str, &[&str])] = &[
         ],
     ),
     ("trace", &["gpu", "volume"]),
-    ("viewer", &["gpu", "render", "scene", "trace"]),
+    ("viewer", &["volume", "gpu", "render", "reference", "scene", "study", "trace"]),
     (
         "cli",
         &[

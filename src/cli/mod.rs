@@ -34,6 +34,7 @@ mod trace_file;
 mod verify;
 #[cfg(feature = "viewer")]
 mod view;
+mod views_flags;
 
 use std::process::ExitCode;
 

@@ -25,26 +25,40 @@ pub fn write_picture(path: &Path, picture: &Picture) -> Result<()> {
 /// # Errors
 /// As [`write_picture`].
 pub fn write_layers(path: &Path, picture: &Picture, layers: &[(String, &[f32])]) -> Result<()> {
-    let failed = |why: String| {
-        Error::machine(format!(
-            "{}: cannot be written: {why}; check folder and disk",
-            path.display()
-        ))
-    };
+    let failed = |why: String| not_written(path, &why);
     let bytes = match kind_of(path)? {
         Kind::Png => png_bytes(picture).map_err(failed)?,
         Kind::Exr => exr_bytes(picture, layers).map_err(failed)?,
     };
+    written_whole(path, &bytes)
+}
+
+/// Writes a text, as [`write_picture`] does.
+///
+/// # Errors
+/// Exit code 4 when it cannot be written.
+pub fn write_whole(path: &Path, text: &str) -> Result<()> {
+    written_whole(path, text.as_bytes())
+}
+
+fn not_written(path: &Path, why: &str) -> Error {
+    let path = path.display();
+    Error::machine(format!("{path}: cannot be written: {why}; check folder and disk"))
+}
+
+/// Whole under its name, or not at all.
+fn written_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let partial = partial_name(path);
     let written = File::create(&partial).and_then(|file| {
         let mut file = BufWriter::new(file);
-        file.write_all(&bytes)?;
+        file.write_all(bytes)?;
         file.into_inner()?.sync_all()?;
         std::fs::rename(&partial, path)
     });
     written.map_err(|why| {
+        // What is left of it is of no use.
         let _ = std::fs::remove_file(&partial);
-        failed(why.to_string())
+        not_written(path, &why.to_string())
     })
 }
 

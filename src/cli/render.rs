@@ -11,11 +11,12 @@ use crate::cli::output::{print, print_json, write_json};
 use crate::cli::picture_file::{check_output, write_layers, write_picture};
 use crate::cli::progress::Progress;
 use crate::cli::scene_flags::{DeviceFlags, SceneFlags, WorkFlags, shader_compiler};
-use crate::cli::stereo_flags::StereoFlags;
 use crate::cli::trace_file::TraceFile;
+use crate::cli::views_flags::{Pictures, ViewsFlags};
 use crate::error::{Error, Exit, Result};
 use crate::gpu::{Gpu, ShaderCompiler};
-use crate::render::{Addressing, Renderer, SceneData, Settings, Statistics, StereoLayout};
+use crate::render::{Addressing, Plan, Renderer, SceneChange, SceneData, Settings, Statistics};
+use crate::scene::View;
 use crate::study::error_estimate::{Coverage, Drawing, Drawn, DrawnBy, ErrorEstimate};
 use crate::study::layout_price;
 
@@ -43,7 +44,7 @@ pub struct Arguments {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    stereo: StereoFlags,
+    views: ViewsFlags,
     #[command(flatten)]
     error: ErrorFlags,
     #[command(flatten)]
@@ -51,6 +52,9 @@ pub struct Arguments {
     #[command(flatten)]
     work: WorkFlags,
 }
+
+/// Views that one renderer is planned for; of more, as many at a time. Even, for two eyes.
+const VIEWS_AT_ONCE: usize = 128;
 
 #[derive(Serialize)]
 struct ViewResult {
@@ -88,14 +92,19 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let trace_file = arguments.trace.as_deref().map(TraceFile::create).transpose()?;
     let mut data = arguments.scene.load()?;
     keep_views(&mut data.scene.views, &arguments.view)?;
-    let mut names: Vec<_> = data.scene.views.iter().map(|view| view.name.clone()).collect();
-    let joins = arguments.stereo.apply(&mut data)?;
-    if joins.is_none() {
-        names = data.scene.views.iter().map(|view| view.name.clone()).collect();
-    } else if arguments.error.error {
+    let pictures = arguments.views.apply(&mut data, arguments.scene.overrides().size)?;
+    if !pictures.are_plain() && arguments.error.error {
         return Err(Error::arguments(
-            "--error measures pictures of one eye: use --stereo pair with it",
+            "--error measures pictures as they are drawn, of one eye each and of no wall: use --stereo pair with it",
         ));
+    }
+    // What does not fit one plan comes after it.
+    let at_once = data.scene.views.len().min(VIEWS_AT_ONCE);
+    let later = data.scene.views.split_off(at_once);
+    if !later.is_empty() && arguments.error.error {
+        return Err(Error::arguments(format!(
+            "--error takes {VIEWS_AT_ONCE} views at most: pick some with --view or --frames"
+        )));
     }
     // Before a device is looked for: drawing directly takes every voxel.
     if settings.addressing == Addressing::Direct {
@@ -108,8 +117,21 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let trace = trace_file.as_ref().map(|file| file.begin(&gpu, scene));
     let mut renderer = Renderer::traced(&gpu, plan, &data, trace.as_ref())?;
     let results = Results { views: Vec::new() };
-    let mut written = Written { arguments, outputs: &outputs, names, joins, results };
-    let drawn = written.draw_views(&mut renderer);
+    let mut written = Written { arguments, outputs: &outputs, pictures, results };
+    let drawn = written.draw_views(&mut renderer, later.chunks(at_once), &mut |before, views| {
+        let mut scene = data.scene.clone();
+        scene.views = views;
+        let data = data.again(scene)?;
+        match SceneChange::new(&gpu, &compiler, before.plan(), data.again(data.scene.clone())?) {
+            Ok(change) => before.change(change),
+            // Voxels drawn directly belong to their renderer.
+            Err(_) => {
+                let plan = Plan::new(&gpu, &compiler, &data, &settings)?;
+                *before = Renderer::traced(&gpu, plan, &data, trace.as_ref())?;
+                Ok(())
+            }
+        }
+    });
     // Of a drawing that failed it is wanted most.
     let traced = match (trace_file, &trace) {
         (Some(file), Some(trace)) => file.write(trace),
@@ -141,61 +163,56 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 /// What a view's picture lacks, in a sentence.
 fn incomplete(view: &ViewResult) -> Option<String> {
     let of_eyes = [Some(&view.statistics), view.right_eye.as_ref()];
-    of_eyes.into_iter().flatten().find_map(|statistics| lacks(&view.view, statistics))
-}
-
-fn lacks(name: &str, statistics: &Statistics) -> Option<String> {
-    if let Some(reason) = &statistics.unfinished {
-        return Some(format!(
-            "view \"{name}\" is unfinished, {} rays wait: {reason}",
-            statistics.rays_waiting
-        ));
-    }
-    (statistics.bricks_failed > 0).then(|| {
-        format!(
-            "view \"{name}\" lacks {} bricks that could not be read{}",
-            statistics.bricks_failed,
-            statistics
-                .first_failure
-                .as_ref()
-                .map_or(String::new(), |why| format!(", the first: {why}"))
-        )
-    })
+    let lacks = of_eyes.into_iter().flatten().find_map(Statistics::lacks);
+    lacks.map(|what| format!("view \"{}\" {what}", view.view))
 }
 
 /// What becomes of drawn views.
 struct Written<'a> {
     arguments: &'a Arguments,
     outputs: &'a [PathBuf],
-    /// Of the pictures.
-    names: Vec<String>,
-    /// How two views make one picture, where they do.
-    joins: Option<StereoLayout>,
+    pictures: Pictures,
     results: Results,
 }
 
 impl Written<'_> {
-    /// Draws every view; writes it at once, unless its error is still to be estimated.
-    fn draw_views(&mut self, renderer: &mut Renderer) -> Result<Vec<Drawn>> {
+    /// Draws every picture; writes it at once, unless its error is still to be estimated. `go_on` makes the
+    /// renderer ready for the `later` views.
+    fn draw_views<'v>(
+        &mut self,
+        renderer: &mut Renderer,
+        mut later: impl Iterator<Item = &'v [View]>,
+        go_on: &mut dyn FnMut(&mut Renderer, Vec<View>) -> Result<()>,
+    ) -> Result<Vec<Drawn>> {
         let mut waiting = Vec::new();
-        for index in 0..self.names.len() {
-            let progress = Progress::start(&self.names[index]);
-            let (mut drawn, mut right_eye) = match self.joins {
-                None => (renderer.draw(index, &mut |part| progress.set(part))?, None),
-                Some(_) => {
-                    let left = renderer.draw(2 * index, &mut |part| progress.set(part / 2.0))?;
-                    let mut told = |part| progress.set(0.5 + part / 2.0);
-                    (left, Some(renderer.draw(2 * index + 1, &mut told)?))
-                }
-            };
-            drop(progress);
-            if let (Some(layout), Some((right, _))) = (self.joins, &right_eye) {
-                drawn.0 = layout.joined(&drawn.0, right);
+        let each = self.pictures.views_each();
+        let mut next_view = 0;
+        for index in 0..self.pictures.names.len() {
+            if next_view == renderer.plan().views.len()
+                && let Some(views) = later.next()
+            {
+                // A renderer goes on with as many views as it had; the last are drawn once all the same.
+                let last = &views[views.len() - 1];
+                let filled = views.iter().chain(std::iter::repeat(last)).take(next_view);
+                go_on(renderer, filled.cloned().collect())?;
+                next_view = 0;
             }
-            let drawn = Drawn { picture: drawn.0, statistics: drawn.1 };
+            let progress = Progress::start(&self.pictures.names[index]);
+            let mut drawn = Vec::new();
+            for eye in 0..each {
+                let mut told = |part| progress.set((eye as f64 + part) / each as f64);
+                drawn.push(renderer.draw(next_view, &mut told)?);
+                next_view += 1;
+            }
+            drop(progress);
+            let right_eye = (each == 2).then(|| drawn.pop()).flatten();
+            let Some((picture, statistics)) = drawn.pop() else { unreachable!("one at least") };
+            let right = right_eye.as_ref().map(|(picture, _)| picture);
+            let picture = self.pictures.made(index, picture, right);
+            let drawn = Drawn { picture, statistics };
             match self.arguments.error.error {
                 true => waiting.push(drawn),
-                false => self.finish(drawn, right_eye.take().map(|(_, of)| of), None)?,
+                false => self.finish(drawn, right_eye.map(|(_, of)| of), None)?,
             }
         }
         Ok(waiting)
@@ -235,8 +252,8 @@ impl Written<'_> {
         right_eye: Option<Statistics>,
         estimate: Option<ErrorEstimate>,
     ) -> Result<()> {
-        let name = &self.names[self.results.views.len()];
-        let views = self.names.len();
+        let names = &self.pictures.names;
+        let (name, views) = (&names[self.results.views.len()], names.len());
         let of_view = |output: &PathBuf| file_of_view(output, name, views);
         let Drawn { picture, statistics } = drawn;
         let files: Vec<PathBuf> = self.outputs.iter().map(of_view).collect();

@@ -4,7 +4,10 @@ use clap::Args;
 
 use crate::error::{Error, Result};
 use crate::render::{SceneData, StereoLayout};
-use crate::scene::Stereo;
+use crate::scene::{Stereo, View};
+use crate::viewer::screens::SEPARATION_OF_DISTANCE;
+#[cfg(feature = "viewer")]
+use crate::viewer::{EyesLayout, Screens};
 
 /// Two eyes.
 #[derive(Args)]
@@ -25,43 +28,56 @@ pub struct StereoFlags {
 #[derive(Clone, Copy)]
 struct How(Option<StereoLayout>);
 
-/// Comfortable for most.
-const DISTANCE_TO_SEPARATION: f64 = 30.0;
-
 impl StereoFlags {
-    /// Puts two eyes in the place of every view of the scene. Says how their pictures are joined, if they are.
-    pub fn apply(&self, data: &mut SceneData) -> Result<Option<StereoLayout>> {
-        let Some(How(layout)) = self.stereo else { return Ok(None) };
+    /// Both lengths, checked.
+    fn lengths(&self) -> Result<[Option<f64>; 2]> {
         let length = |flag: &str, given: Option<f64>| match given {
             Some(length) if !(length > 0.0 && length.is_finite()) => {
                 Err(Error::arguments(format!("--{flag}: must be a length above 0, got {length}")))
             }
             given => Ok(given),
         };
-        let separation = length("eye-separation", self.eye_separation)?;
-        let distance = length("screen-distance", self.screen_distance)?;
+        Ok([
+            length("eye-separation", self.eye_separation)?,
+            length("screen-distance", self.screen_distance)?,
+        ])
+    }
+
+    /// Puts two eyes in the place of every view of the scene. Says how their pictures are joined, if they are.
+    pub fn apply(&self, data: &mut SceneData) -> Result<Option<StereoLayout>> {
+        let Some(How(layout)) = self.stereo else { return Ok(None) };
+        let [separation, distance] = self.lengths()?;
         let middle = data.middle_world(0);
         let size = data.scene.picture.size;
         let mut eyes = Vec::new();
         for view in &data.scene.views {
-            let to_middle = (middle - view.eye).dot(view.forward);
-            let distance = match distance {
-                Some(distance) => distance,
-                None if to_middle > 0.0 => to_middle,
-                None => (middle - view.eye).length().max(f64::MIN_POSITIVE),
-            };
-            let separation = separation.unwrap_or(distance / DISTANCE_TO_SEPARATION);
-            let pair = Stereo { separation, distance }.eyes(view, size).ok_or_else(|| {
-                Error::arguments(format!(
-                    "--stereo: view \"{}\" has parallel rays, and no eye: give it fov_degrees",
-                    view.name
-                ))
-            })?;
-            eyes.extend(pair);
+            let distance = distance.unwrap_or(view.distance_to(middle));
+            let separation = separation.unwrap_or(distance * SEPARATION_OF_DISTANCE);
+            let pair = Stereo { separation, distance }.eyes(view, size);
+            eyes.extend(pair.ok_or_else(|| no_eyes(view))?);
         }
         data.scene.views = eyes;
         Ok(layout)
     }
+
+    /// The screens of a window, if it is to show two eyes; `pair` is a window for each.
+    #[cfg(feature = "viewer")]
+    pub fn screens(&self, first: &View) -> Result<Option<Screens>> {
+        let Some(How(layout)) = self.stereo else { return Ok(None) };
+        let [separation, distance] = self.lengths()?;
+        if first.bounds_at_1([1; 2]).is_none() {
+            return Err(no_eyes(first));
+        }
+        let layout = layout.map_or(EyesLayout::TwoWindows, EyesLayout::Joined);
+        Ok(Some(Screens::Eyes { layout, separation, distance }))
+    }
+}
+
+fn no_eyes(view: &View) -> Error {
+    Error::arguments(format!(
+        "--stereo: view \"{}\" has parallel rays, and no eye: give it fov_degrees",
+        view.name
+    ))
 }
 
 fn how(text: &str) -> std::result::Result<How, String> {

@@ -65,6 +65,14 @@ impl TraceFile {
     }
 }
 
+/// Writes what happened so far.
+///
+/// # Errors
+/// As [`TraceFile::create`] and [`TraceFile::write`].
+pub fn write_trace(path: &Path, trace: &Trace) -> Result<()> {
+    TraceFile::create(path)?.write(trace)
+}
+
 impl Drop for TraceFile {
     fn drop(&mut self) {
         if let Some(partial) = &self.partial {

@@ -5,11 +5,16 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::cli::output::write_json;
+use crate::cli::picture_file::{write_picture, write_whole};
+use crate::cli::render::file_of_view;
 use crate::cli::scene_flags::{DeviceFlags, SceneFlags, WorkFlags, shader_compiler};
+use crate::cli::stereo_flags::StereoFlags;
+use crate::cli::trace_file::write_trace;
 use crate::error::Result;
 use crate::render::Addressing;
-use crate::scene::Refine;
-use crate::viewer::{self, Live, Request};
+use crate::scene::{Refine, Wall};
+use crate::viewer::error_meter::ErrorMeter;
+use crate::viewer::{self, FileNames, Files, Live, PanelsAtFirst, Request, Screens};
 
 /// Look at a scene in a window, and steer the camera.
 ///
@@ -26,9 +31,17 @@ pub struct Arguments {
     /// Save the scene as it is seen to this file, on Ctrl and S; default: its name with .view.toml, here.
     #[arg(long, value_name = "FILE")]
     save_as: Option<PathBuf>,
+    /// Panels at first: some, all of them opened, or none (Tab brings them).
+    #[arg(long, value_name = "some|all|none", default_value = "some", value_parser = panels)]
+    panels: PanelsAtFirst,
     /// Write what the window did as JSON when it is closed: frames, times, idle submits.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+    /// A window for each screen of a wall (.toml, see docs/VIEWER.md), and one to steer with.
+    #[arg(long, value_name = "FILE", conflicts_with = "stereo", help_heading = "Wall")]
+    wall: Option<PathBuf>,
+    #[command(flatten)]
+    stereo: StereoFlags,
     #[command(flatten)]
     device: DeviceFlags,
     #[command(flatten)]
@@ -42,30 +55,62 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     settings.tile = [viewer::PICTURE_EDGE_MAX; 2];
     settings.paging.lockstep = arguments.work.asks_lockstep();
     let mut data = arguments.scene.load()?;
+    let kept = data.scene.views.clone();
     if let Some(view) = &arguments.view {
         super::render::keep_views(&mut data.scene.views, std::slice::from_ref(view))?;
     }
-    data.scene.views.truncate(1);
+    let first = data.scene.views[0].clone();
+    if arguments.view.is_some() {
+        // The others stay as they were kept.
+        data.scene.views = kept;
+        data.scene.views.sort_by_key(|view| view.name != first.name);
+    }
     data.scene.quality.refine = Refine::Substitute;
+    let screens = match (&arguments.wall, arguments.stereo.screens(&first)?) {
+        (Some(file), _) => Screens::Wall(Wall::load(file)?),
+        (None, Some(eyes)) => eyes,
+        (None, None) => Screens::One,
+    };
     let gpu = arguments.device.open_for_windows()?;
     let file = &arguments.scene.scene;
     let title = file.file_name().unwrap_or_default().to_string_lossy();
-    let beside = || {
-        let stem = file.file_stem().unwrap_or_default().to_string_lossy();
-        PathBuf::from(format!("{stem}.view.toml"))
-    };
-    let (scene, middle) = (data.scene.clone(), data.middle_world(0));
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+    let named = |ending: &str| PathBuf::from(format!("{stem}.{ending}"));
+    let scene = data.scene.clone();
     let report = viewer::show(Request {
         title: format!("{title} - Ashfall"),
-        save_as: arguments.save_as.clone().unwrap_or_else(beside),
+        names: FileNames {
+            scene: arguments.save_as.clone().unwrap_or_else(|| named("view.toml")),
+            picture: named("png"),
+            trace: named("trace.json"),
+        },
+        files: Files {
+            picture: write_picture,
+            text: write_whole,
+            trace: write_trace,
+            of_frame: |path, frame| file_of_view(path, frame, 2),
+        },
         size: scene.picture.size,
+        middle: data.middle_world(0),
+        levels: data.volumes[0].source.description().levels.count() as u8,
+        screens,
+        meter: ErrorMeter::new(data.again(scene.clone())?)?,
         scene,
-        middle,
         live: Live::new(&gpu, shader_compiler(), data, settings)?,
         gpu: gpu.clone(),
+        panels: arguments.panels,
     })?;
     if let Some(file) = &arguments.report {
         write_json(file, &report)?;
     }
     DeviceFlags::heed_validation(&gpu)
+}
+
+fn panels(text: &str) -> std::result::Result<PanelsAtFirst, String> {
+    match text {
+        "some" => Ok(PanelsAtFirst::Some),
+        "all" => Ok(PanelsAtFirst::All),
+        "none" => Ok(PanelsAtFirst::None),
+        _ => Err("expected some, all or none".to_owned()),
+    }
 }

@@ -28,7 +28,7 @@ use glam::DVec3;
 use crate::reference::cell::Grid;
 use crate::reference::classify::Classifier;
 use crate::reference::ray::{Channel, Ray, Scratch, Volume};
-use crate::scene::{self, RayFrame, View};
+use crate::scene::{self, Part, RayFrame, View};
 use crate::volume::VolumeVoxels;
 
 /// How precisely and how fast.
@@ -70,7 +70,7 @@ pub struct VolumeLevel<'a> {
 
 /// The integral of every pixel of one view, ready to be asked for.
 pub struct Truth<'a> {
-    size: [u32; 2],
+    pixels: Part,
     background: [f64; 3],
     frame_world: RayFrame,
     frames_voxel: Vec<RayFrame>,
@@ -114,7 +114,7 @@ impl<'a> Truth<'a> {
     ) -> Truth<'a> {
         let frame_world = view.ray_frame_world(size);
         Truth {
-            size,
+            pixels: view.pixels(size),
             background: background.map(f64::from),
             frames_voxel: levels.iter().map(|l| frame_voxel(&frame_world, l.voxels)).collect(),
             frame_world,
@@ -130,7 +130,7 @@ impl<'a> Truth<'a> {
 
     /// All pixels. `progress` hears the finished fraction, 0 to 1, from any of the threads.
     pub fn picture(&self, threads: usize, progress: &(dyn Fn(f64) + Sync)) -> Picture {
-        let [width, height] = self.size.map(|edge| edge as usize);
+        let [width, height] = self.pixels.size.map(|edge| edge as usize);
         let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let rows_of_one_thread = || {
             let mut scratch = Scratch::default();
@@ -159,10 +159,11 @@ impl<'a> Truth<'a> {
                 }
             }
         });
-        Picture { size: self.size, rgba }
+        Picture { size: self.pixels.size, rgba }
     }
 
     fn pixel_with(&self, scratch: &mut Scratch, column: u32, row: u32) -> [f64; 4] {
+        let [column, row] = [self.pixels.first[0] + column, self.pixels.first[1] + row];
         let (_, direction_world) = self.frame_world.ray(column, row);
         let ray = Ray {
             volumes: &self.volumes,

@@ -14,6 +14,8 @@ pub(super) struct Tile {
     pub view: u32,
     pub origin_pixel: [u32; 2],
     pub size_pixel: [u32; 2],
+    /// Of its view.
+    pub is_first: bool,
 }
 
 /// Draws a tile; `submitted` is told of every submit and returns once it has ended.

@@ -23,7 +23,9 @@ mod stereo;
 mod tracing;
 mod transfer_segments;
 mod upload;
+mod view_pixels;
 mod volume_data;
+mod wall_picture;
 
 pub use image_layout::{Layout, LayoutChoice, TexelLayout};
 pub use plan::{Plan, PlannedBuffer, PlannedImage, PlannedPass};

@@ -20,8 +20,9 @@ use crate::render::sample_rates::sample_rates;
 use crate::render::scene_data::SceneData;
 use crate::render::settings::{Addressing, LOOP_TURNS_MAX, Settings};
 use crate::render::transfer_segments::{classify_constant, open_both_ends, transfer_segments};
+use crate::render::view_pixels::{pixels_of, pixels_of_views, tiles_of};
 use crate::residency::PASSES_IN_TURNS;
-use crate::scene::Integrator;
+use crate::scene::{Integrator, Part};
 use crate::twins::limits::BLOCK_SAMPLES;
 use crate::twins::ray_setup::ViewRays;
 use crate::twins::transfer::TransferSegment;
@@ -98,7 +99,7 @@ pub struct Plan {
     pub queues: String,
     /// How voxels are addressed: "direct", in one image per channel.
     pub addressing: &'static str,
-    /// Pixels across and down.
+    /// Pixels across and down, of the largest picture.
     pub picture: [u32; 2],
     /// Pixels of the largest tile.
     pub tile: [u32; 2],
@@ -109,6 +110,9 @@ pub struct Plan {
     pub(super) pixels_max: u64,
     /// Views drawn.
     pub views: Vec<String>,
+    /// `[view]` which pixels.
+    #[serde(skip)]
+    pub(super) pixels: Vec<Part>,
     /// Distance of two samples at most, world units; nothing: one sample a ray is exact.
     pub step_world: Option<f64>,
     /// Samples of a ray, at most.
@@ -244,7 +248,7 @@ impl Plan {
         let samples_of_ray_max = samples_of_ray_max(&voxels, step_world)?;
         let dispatches = dispatches_of(samples_of_ray_max, settings, shape.turns_of_block());
 
-        let (picture, tile, tiles) = tiles_of(scene.picture.size, settings);
+        let (picture, tile, tiles) = tiles_of(scene, settings);
         // The longest ray fits one dispatch: no state of rays is kept between passes.
         let one_dispatch = dispatches == 1;
         let buffers = plan_buffers(gpu, data, tile, segments.len(), &images, one_dispatch);
@@ -281,6 +285,7 @@ impl Plan {
             pixels_max: pixels_of(tile),
             tiles,
             views: scene.views.iter().map(|view| view.name.clone()).collect(),
+            pixels: pixels_of_views(scene),
             step_world,
             samples_of_ray_max,
             objects: objects(gpu, &buffers, &images, passes.len() as u64, submits, copies),
@@ -313,7 +318,7 @@ impl Plan {
         let paging = PagingPlan::new(gpu, data, settings, meter)?;
         let samples_of_ray_max = checked_samples(paging.samples_of_ray_max())?;
         let dispatches = dispatches_of(samples_of_ray_max, settings, paging.turns_of_block());
-        let (picture, tile, tiles) = tiles_of(scene.picture.size, settings);
+        let (picture, tile, tiles) = tiles_of(scene, settings);
         let specs = paging.buffers(pixels_of(tile));
         let buffers = planned_buffers(gpu, specs);
         let images: Vec<PlannedImage> = paging
@@ -384,6 +389,7 @@ impl Plan {
             pixels_max: pixels_of(tile),
             tiles,
             views: scene.views.iter().map(|view| view.name.clone()).collect(),
+            pixels: pixels_of_views(scene),
             step_world: Some(
                 scene.quality.sample_edges() * data.world_from_voxel(0).smallest_edge(),
             ),
@@ -495,16 +501,6 @@ impl PlannedPass {
             shader,
         })
     }
-}
-
-fn pixels_of([width, height]: [u32; 2]) -> u64 {
-    u64::from(width) * u64::from(height)
-}
-
-/// Picture, largest tile, tiles of a view.
-fn tiles_of(picture: [u32; 2], settings: &Settings) -> ([u32; 2], [u32; 2], u32) {
-    let tile: [u32; 2] = std::array::from_fn(|axis| picture[axis].min(settings.tile[axis]));
-    (picture, tile, picture[0].div_ceil(tile[0]) * picture[1].div_ceil(tile[1]))
 }
 
 /// Whether the volume is drawn in pages: asked for, or because level 0 fits neither atlas nor memory.

@@ -22,7 +22,7 @@ use crate::render::scene_data::SceneData;
 use crate::render::statistics::{Statistics, peak_rss_bytes};
 use crate::render::tracing;
 use crate::render::upload::{upload, upload_codes};
-use crate::scene::RayFrame;
+use crate::scene::{Part, RayFrame};
 use crate::source::BrickSource;
 use crate::trace::Trace;
 use crate::twins::ray_setup::ViewRays;
@@ -267,12 +267,15 @@ impl Renderer {
         view: usize,
         progress: &mut dyn FnMut(f64),
     ) -> Result<(Picture, Statistics)> {
-        self.draw_view(view, progress, None)
+        match self.draw_view(view, progress, None)? {
+            Some(drawn) => Ok(drawn),
+            None => unreachable!("nobody watches who could break off"),
+        }
     }
 
     /// As [`Renderer::draw`]; `watch` is told the whole picture of every round, the last included, while
-    /// it is refined by substitution, if one tile holds it, and may break off there. In lockstep nothing goes
-    /// on meanwhile.
+    /// it is refined by substitution, if one tile holds it, and may break off there: then there is nothing
+    /// more. In lockstep nothing goes on meanwhile.
     ///
     /// # Errors
     /// As [`Renderer::draw`].
@@ -280,7 +283,7 @@ impl Renderer {
         &mut self,
         view: usize,
         watch: &mut dyn FnMut(RoundPicture) -> ControlFlow<()>,
-    ) -> Result<(Picture, Statistics)> {
+    ) -> Result<Option<(Picture, Statistics)>> {
         self.draw_view(view, &mut |_| {}, Some(&mut Watch::new(watch)))
     }
 
@@ -289,7 +292,7 @@ impl Renderer {
         view: usize,
         progress: &mut dyn FnMut(f64),
         mut watch: Option<&mut Watch>,
-    ) -> Result<(Picture, Statistics)> {
+    ) -> Result<Option<(Picture, Statistics)>> {
         let start = Instant::now();
         let _view = self.span("view");
         while let Way::Paged(paged) = &mut self.way {
@@ -300,10 +303,13 @@ impl Renderer {
             let Some(mut paged) = paged.take() else { unreachable!("only a drawing has it") };
             let drawn = self.draw_paged(&mut paged, view, progress, watch.as_deref_mut());
             self.way = Way::Paged(Some(paged));
-            // Nothing: another scene has come meanwhile.
+            // Nothing: another scene has come meanwhile, or nobody wants more of this one.
             if let Some((picture, mut statistics)) = drawn? {
                 statistics.wall_ms = start.elapsed().as_secs_f64() * 1e3;
-                return Ok((picture, statistics));
+                return Ok(Some((picture, statistics)));
+            }
+            if watch.as_ref().is_some_and(|watch| watch.broken_off) {
+                return Ok(None);
             }
         }
         let mut statistics = Statistics {
@@ -317,8 +323,8 @@ impl Renderer {
         if self.bytes_uploaded > 0 && self.gpu.has_timestamps(RoleKind::Transfer) {
             statistics.add_step("upload", self.upload_ms);
         }
-        let [width, height] = self.plan.picture;
-        let mut pixels = vec![[0.0; 4]; width as usize * height as usize];
+        let size = self.plan.pixels[view].size;
+        let mut pixels = vec![[0.0; 4]; size[0] as usize * size[1] as usize];
         let mut records = Vec::new();
         let submits =
             self.plan.tiles * self.plan.march_dispatches().div_ceil(DISPATCHES_PER_SUBMIT);
@@ -340,7 +346,7 @@ impl Renderer {
         statistics.peak_rss_bytes = peak_rss_bytes();
         statistics.validation_messages = self.gpu.messages().len() as u64;
         self.records = records;
-        Ok((Picture { size: self.plan.picture, pixels }, statistics))
+        Ok(Some((Picture { size, pixels }, statistics)))
     }
 
     fn draw_paged(
@@ -356,8 +362,8 @@ impl Renderer {
             driver: self.plan.driver.clone(),
             ..Statistics::default()
         };
-        let [width, height] = self.plan.picture;
-        let mut pixels = vec![[0.0; 4]; width as usize * height as usize];
+        let size = self.plan.pixels[view].size;
+        let mut pixels = vec![[0.0; 4]; size[0] as usize * size[1] as usize];
         let mut records = Vec::new();
         let mut converged = true;
         paged.begin_view();
@@ -390,17 +396,19 @@ impl Renderer {
         statistics.peak_rss_bytes = peak_rss_bytes();
         statistics.validation_messages = self.gpu.messages().len() as u64;
         self.records = records;
-        Ok(Some((Picture { size: self.plan.picture, pixels }, statistics)))
+        Ok(Some((Picture { size, pixels }, statistics)))
     }
 
     fn tiles(&self, view: u32) -> Vec<Tile> {
-        let [width, height] = self.plan.picture;
+        let Part { first, size: [width, height], .. } = self.plan.pixels[view as usize];
         let [across, down] = self.plan.tile;
         let mut tiles = Vec::new();
         for y in (0..height).step_by(down as usize) {
             for x in (0..width).step_by(across as usize) {
                 let size_pixel = [across.min(width - x), down.min(height - y)];
-                tiles.push(Tile { view, origin_pixel: [x, y], size_pixel });
+                let origin_pixel = [first[0] + x, first[1] + y];
+                let is_first = tiles.is_empty();
+                tiles.push(Tile { view, origin_pixel, size_pixel, is_first });
             }
         }
         tiles
@@ -411,9 +419,10 @@ impl Renderer {
         let [tile_width, tile_height] = tile.size_pixel.map(|edge| edge as usize);
         let mut drawn = vec![[0.0f32; 4]; tile_width * tile_height];
         self.buffers.picture.read(0, bytemuck::cast_slice_mut(&mut drawn))?;
+        let Part { first, size, .. } = self.plan.pixels[tile.view as usize];
+        let [left, top] = [0, 1].map(|axis| (tile.origin_pixel[axis] - first[axis]) as usize);
         for (row, line) in drawn.chunks_exact(tile_width).enumerate() {
-            let y = tile.origin_pixel[1] as usize + row;
-            let start = y * self.plan.picture[0] as usize + tile.origin_pixel[0] as usize;
+            let start = (top + row) * size[0] as usize + left;
             pixels[start..start + tile_width].copy_from_slice(line);
         }
         let mut counters = [0u32; 2];

@@ -80,6 +80,8 @@ pub struct Statistics {
     pub bricks_uploaded_by_level: Vec<u64>,
     /// Bytes of texels copied to the device; where nothing is paged, before the first view.
     pub bytes_uploaded: u64,
+    /// Bytes of rounds' reports, requests and grants that the host read back; not the picture's.
+    pub bytes_read_back: u64,
     /// Bricks that could not be read; drawn as nothing.
     pub bricks_failed: u64,
     /// What the first of them said.
@@ -118,6 +120,18 @@ impl Statistics {
             }
             None => self.gpu_ms.push(PassTime { pass: pass.to_owned(), ms, count: 1 }),
         }
+    }
+
+    /// What the picture lacks, as the end of a sentence.
+    pub fn lacks(&self) -> Option<String> {
+        if let Some(reason) = &self.unfinished {
+            return Some(format!("is unfinished, {} rays wait: {reason}", self.rays_waiting));
+        }
+        (self.bricks_failed > 0).then(|| {
+            let first = self.first_failure.as_ref();
+            let first = first.map_or(String::new(), |why| format!(", the first: {why}"));
+            format!("lacks {} bricks that could not be read{first}", self.bricks_failed)
+        })
     }
 
     /// Milliseconds on the device in one pass.

@@ -24,6 +24,8 @@ pub struct Report {
     pub progress: Progress,
     /// Atlas by atlas.
     pub atlases: Vec<OfAtlas>,
+    /// Bytes that the host read back for it.
+    pub bytes: u64,
 }
 
 impl Report {
@@ -38,6 +40,7 @@ impl Report {
         let first = size_of::<Progress>() as u64;
         report.read(first, bytemuck::cast_slice_mut(&mut answers))?;
         let mut atlases = Vec::new();
+        let mut bytes = first + size_of_val(&answers[..]) as u64;
         for (number, answer) in answers.into_iter().enumerate() {
             let mut grants = vec![0u32; answer.grants as usize];
             let at = number as u64 * u64::from(shape.grants_max) * 4;
@@ -47,8 +50,9 @@ impl Report {
             buffers.requests.read(at, bytemuck::cast_slice_mut(&mut requests))?;
             // By rank; the device lists them in the order of entries, which breaks ties.
             requests.sort_by_key(|[_, rank]| *rank);
+            bytes += (size_of_val(&grants[..]) + size_of_val(&requests[..])) as u64;
             atlases.push(OfAtlas { answer, grants, requests });
         }
-        Ok(Report { progress, atlases })
+        Ok(Report { progress, atlases, bytes })
     }
 }

@@ -9,10 +9,10 @@ use toml::Spanned;
 
 use crate::error::{Error, Result};
 use crate::scene::check_channel::checked_level;
-use crate::scene::file::{RawFile, SceneFile, SourceFile, ViewFile, VolumeFile};
+use crate::scene::file::{PathFile, RawFile, SceneFile, SourceFile, ViewFile, VolumeFile};
 use crate::scene::{
-    Filter, Integrator, Memory, Overrides, Picture, Place, Projection, Quality, Refine, Scene,
-    Source, View, Volume,
+    CameraPath, Filter, Integrator, Memory, Overrides, Picture, Place, Projection, Quality, Refine,
+    Scene, Source, View, Volume,
 };
 use crate::volume::{RawLayout, Size3, VoxelFormat, WorldFromVoxel};
 
@@ -186,7 +186,31 @@ impl Check<'_> {
             }
             views.push(view);
         }
-        Ok(Scene { picture, quality, memory, volumes, views })
+        let path = file.path.map(|path| self.path(path.into_inner(), &views)).transpose()?;
+        Ok(Scene { picture, quality, memory, volumes, views, path })
+    }
+
+    fn path(&self, file: PathFile, views: &[View]) -> Result<CameraPath> {
+        let mut through = Vec::new();
+        for name in file.through.into_iter().map(|name| self.located(name)) {
+            if !views.iter().any(|view| view.name == name.value) {
+                let name_text = name.value.escape_debug();
+                return Err(name
+                    .place
+                    .error(format!("the path goes through \"{name_text}\", which is no view")));
+            }
+            through.push(name.value);
+        }
+        let default = CameraPath::FRAMES_DEFAULT.into();
+        let frames = self.pick(None, "--frames", file.frames, default);
+        let checked = u32::try_from(frames.value).ok();
+        let Some(frames) = checked.filter(|of| (1..=CameraPath::FRAMES_MAX).contains(of)) else {
+            let most = CameraPath::FRAMES_MAX;
+            return Err(frames
+                .place
+                .error(format!("a path has 1 to {most} frames, got {}", frames.value)));
+        };
+        Ok(CameraPath { through, frames, closed: file.closed.unwrap_or(false) })
     }
 
     fn picture(&self, file: super::file::PictureFile, overrides: &Overrides) -> Result<Picture> {

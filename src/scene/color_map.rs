@@ -77,7 +77,7 @@ impl ColorMap {
                 colored.push(TransferPoint {
                     at,
                     color: color(at),
-                    extinction: extinction(points, at),
+                    extinction: of.at(at).extinction,
                 });
             }
         }
@@ -112,20 +112,6 @@ fn linear(code: u32) -> f64 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
-/// What the points' function has at a place where none of them stands.
-fn extinction(points: &[TransferPoint], at: f64) -> f64 {
-    let after = points.partition_point(|point| point.at <= at);
-    match (after.checked_sub(1).map(|before| points[before]), points.get(after)) {
-        (Some(before), Some(after)) => {
-            let along = (at - before.at) / (after.at - before.at);
-            before.extinction + along * (after.extinction - before.extinction)
-        }
-        (Some(only), None) => only.extinction,
-        (None, Some(only)) => only.extinction,
-        (None, None) => 0.0,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -149,7 +135,7 @@ mod tests {
             let over = map.over(&of);
             for place in 0..=1000 {
                 let at = f64::from(place) / 1000.0 + 1e-7;
-                let [was, is] = [&of, &over].map(|of| extinction(of.points(), at));
+                let [was, is] = [&of, &over].map(|of| of.at(at).extinction);
                 assert!((was - is).abs() < 1e-9, "{map:?} at {at}: {was} {is}");
             }
             let jumps = |of: &TransferFunction| {

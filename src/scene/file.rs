@@ -19,6 +19,16 @@ pub(super) struct SceneFile {
     pub volume: Vec<Spanned<VolumeFile>>,
     #[serde(default)]
     pub view: Vec<Spanned<ViewFile>>,
+    pub path: Option<Spanned<PathFile>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PathFile {
+    #[serde(default)]
+    pub through: Vec<Spanned<String>>,
+    pub frames: Option<Spanned<i64>>,
+    pub closed: Option<bool>,
 }
 
 #[derive(Default, Deserialize)]

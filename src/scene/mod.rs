@@ -3,6 +3,7 @@
 //! [`Scene::load`] reads a TOML file; [`Overrides`] are command-line flags that win over it. Every
 //! refusal names the place (file, line and column, or the flag), the thing and the remedy.
 
+mod camera_path;
 mod check;
 mod check_channel;
 mod color_map;
@@ -12,6 +13,7 @@ mod place;
 mod stereo;
 mod transfer;
 mod view;
+mod wall;
 mod written;
 
 use std::path::PathBuf;
@@ -19,12 +21,14 @@ use std::path::PathBuf;
 use crate::error::Error;
 use crate::volume::{RawLayout, Size3, WorldFromVoxel};
 
+pub use camera_path::CameraPath;
 pub use color_map::ColorMap;
 pub use overrides::Overrides;
 pub use place::Place;
 pub use stereo::Stereo;
 pub use transfer::{TransferFunction, TransferPoint};
-pub use view::{Projection, RayFrame, View};
+pub use view::{Part, Projection, RayFrame, View};
+pub use wall::{Screen, Wall};
 
 /// All that a picture depends on.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,6 +43,8 @@ pub struct Scene {
     pub volumes: Vec<Volume>,
     /// At least one.
     pub views: Vec<View>,
+    /// A camera's way through them.
+    pub path: Option<CameraPath>,
 }
 
 /// `[picture]`

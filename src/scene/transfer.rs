@@ -71,4 +71,26 @@ impl TransferFunction {
     pub fn points(&self) -> &[TransferPoint] {
         &self.points
     }
+
+    /// What the function is at a windowed value, as the point that would say so.
+    pub fn at(&self, at: f64) -> TransferPoint {
+        let points = &self.points;
+        let after = points.partition_point(|point| point.at <= at);
+        let (before, after) =
+            (after.checked_sub(1).map(|before| points[before]), points.get(after));
+        match (before, after) {
+            (Some(before), Some(after)) => {
+                let along = (at - before.at) / (after.at - before.at);
+                let between = |a: f64, b: f64| a + along * (b - a);
+                TransferPoint {
+                    at,
+                    color: std::array::from_fn(|c| between(before.color[c], after.color[c])),
+                    extinction: between(before.extinction, after.extinction),
+                }
+            }
+            (Some(only), None) => TransferPoint { at, ..only },
+            (None, Some(only)) => TransferPoint { at, ..*only },
+            (None, None) => unreachable!("at least one point"),
+        }
+    }
 }

@@ -19,6 +19,26 @@ pub struct View {
     pub up: DVec3,
     /// How pixels map to rays.
     pub projection: Projection,
+    /// Which pixels of that picture are drawn; nothing: all of the scene's picture.
+    pub part: Option<Part>,
+}
+
+/// A rectangle of a larger picture's pixels: their rays, and so their bytes, are those of the larger one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Pixels of the larger picture, across and down.
+    pub of: [u32; 2],
+    /// The rectangle's first pixel in it.
+    pub first: [u32; 2],
+    /// Pixels of the rectangle.
+    pub size: [u32; 2],
+}
+
+impl Part {
+    /// The whole of a picture.
+    pub fn whole(size: [u32; 2]) -> Part {
+        Part { of: size, first: [0; 2], size }
+    }
 }
 
 /// How pixels map to rays.
@@ -79,12 +99,25 @@ impl View {
             return Err(("up", "up must not be parallel to the line of sight"));
         }
         let right = right.normalize();
-        Ok(View { name, eye, forward, right, up: right.cross(forward), projection })
+        Ok(View { name, eye, forward, right, up: right.cross(forward), projection, part: None })
+    }
+
+    /// From the eye to the point of the line of sight that is nearest to `middle`; where that lies behind the
+    /// eye or beside it, as far as `middle` is.
+    pub fn distance_to(&self, middle: DVec3) -> f64 {
+        let along = (middle - self.eye).dot(self.forward);
+        if along > 0.0 { along } else { (middle - self.eye).length().max(1.0) }
+    }
+
+    /// The pixels of this view in a scene whose pictures have `size`.
+    pub fn pixels(&self, size: [u32; 2]) -> Part {
+        self.part.unwrap_or(Part::whole(size))
     }
 
     /// The rectangle at distance 1 through which rays of a picture of `size` pixels leave the eye: left, right,
-    /// bottom, top. Nothing where they are parallel.
+    /// bottom, top; of a part, those of all of its picture. Nothing where they are parallel.
     pub fn bounds_at_1(&self, size: [u32; 2]) -> Option<[f64; 4]> {
+        let size = self.pixels(size).of;
         match self.projection {
             Projection::Perspective { fov_degrees } => {
                 Some(around_middle((fov_degrees.to_radians() / 2.0).tan(), size))
@@ -94,8 +127,28 @@ impl View {
         }
     }
 
-    /// The rays, in world space, of a picture of `size` pixels (across, down).
+    /// Where a point of the world is in a picture of `size` pixels: column and row as [`RayFrame`] counts them.
+    /// Nothing behind the eye.
+    pub fn pixel_of(&self, point: DVec3, size: [u32; 2]) -> Option<[f64; 2]> {
+        let pixels = self.pixels(size);
+        let to = point - self.eye;
+        let (scale, [left, right, bottom, top]) = match (self.bounds_at_1(size), self.projection) {
+            (Some(bounds), _) => (to.dot(self.forward), bounds),
+            (None, Projection::Orthographic { height }) => {
+                (1.0, around_middle(height / 2.0, pixels.of))
+            }
+            (None, _) => return None,
+        };
+        let across = (to.dot(self.right) / scale - left) / (right - left);
+        let down = (top - to.dot(self.up) / scale) / (top - bottom);
+        let [width, height] = pixels.of.map(f64::from);
+        (scale > 0.0).then(|| [across * width, down * height])
+    }
+
+    /// The rays, in world space, of a picture of `size` pixels (across, down). A part's pixels count from the
+    /// larger picture's corner.
     pub fn ray_frame_world(&self, size: [u32; 2]) -> RayFrame {
+        let size = self.pixels(size).of;
         let [width, height] = size.map(f64::from);
         let [left, right, bottom, top] = match (self.bounds_at_1(size), self.projection) {
             (Some(bounds), _) => bounds,
@@ -163,5 +216,35 @@ impl RayFrame {
             self.origin + self.origin_column * column + self.origin_row * row,
             self.direction + self.direction_column * column + self.direction_row * row,
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_point_on_a_pixels_ray_is_in_that_pixel() {
+        let size = [300, 200];
+        for projection in [
+            Projection::Perspective { fov_degrees: 50.0 },
+            Projection::Orthographic { height: 3.0 },
+            Projection::Frustum { bounds: [-0.9, 0.1, -0.3, 0.6] },
+        ] {
+            let eye = DVec3::new(1.0, -2.0, 0.5);
+            let view = View::looking_at("v".into(), eye, DVec3::ZERO, DVec3::Z, projection);
+            let view = view.expect("a view");
+            for pixel in [[0, 0], [299, 0], [17, 133]] {
+                let (origin, direction) = view.ray_frame_world(size).ray(pixel[0], pixel[1]);
+                let [column, row] =
+                    view.pixel_of(origin + 3.0 * direction, size).expect("in front");
+                let off =
+                    (column - f64::from(pixel[0]) - 0.5).hypot(row - f64::from(pixel[1]) - 0.5);
+                assert!(off < 1e-9, "{projection:?} {pixel:?}: {off}");
+            }
+            if view.bounds_at_1(size).is_some() {
+                assert!(view.pixel_of(eye - view.forward, size).is_none());
+            }
+        }
     }
 }

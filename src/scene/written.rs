@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use crate::scene::{
-    Channel, Projection, Quality, Refine, Scene, Source, TransferPoint, View, Volume,
+    CameraPath, Channel, Projection, Quality, Refine, Scene, Source, TransferPoint, View, Volume,
 };
 
 impl Scene {
@@ -13,7 +13,7 @@ impl Scene {
     /// their distance from the origin, everything else exactly.
     pub fn to_toml(&self, folder: &Path) -> String {
         let mut text = "format = 1\n".to_owned();
-        let Scene { picture, quality, memory, volumes, views } = self;
+        let Scene { picture, quality, memory, volumes, views, path } = self;
         let background = picture.background.map(f64::from);
         line(&mut text, format_args!("\n[picture]"));
         line(&mut text, format_args!("size = {:?}", picture.size));
@@ -25,6 +25,7 @@ impl Scene {
         line(&mut text, format_args!("staging_mib = {}", memory.staging_mib));
         volumes.iter().for_each(|volume| write_volume(&mut text, volume, folder));
         views.iter().for_each(|view| write_view(&mut text, view));
+        path.iter().for_each(|path| write_path(&mut text, path));
         text
     }
 }
@@ -134,4 +135,15 @@ fn write_view(text: &mut String, view: &View) {
         Projection::Orthographic { height } => line(text, format_args!("height = {height:?}")),
         Projection::Frustum { bounds } => line(text, format_args!("frustum = {bounds:?}")),
     }
+}
+
+fn write_path(text: &mut String, path: &CameraPath) {
+    let CameraPath { through, frames, closed } = path;
+    line(text, format_args!("\n[path]"));
+    if !through.is_empty() {
+        let names: Vec<_> = through.iter().map(|name| quoted(name)).collect();
+        line(text, format_args!("through = [{}]", names.join(", ")));
+    }
+    line(text, format_args!("frames = {frames}"));
+    line(text, format_args!("closed = {closed}"));
 }

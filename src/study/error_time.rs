@@ -444,12 +444,13 @@ impl<'a> Study<'a> {
             }
             drawn => _ = drawn?,
         }
-        let (_, statistics) = renderer()?.draw_watched(0, &mut |seen| {
+        let drawn = renderer()?.draw_watched(0, &mut |seen| {
             let error = Figures::of_drawn(size, &seen.picture.pixels, &truth.rgba);
             let (round, bricks_uploaded) = (seen.round, seen.bricks_uploaded);
             rounds.push(StreamingRound { round, ms: seen.ms, bricks_uploaded, error });
             ControlFlow::Continue(())
         })?;
+        let Some((_, statistics)) = drawn else { unreachable!("nobody broke off") };
         let (converged, incomplete) = (statistics.converged, incomplete(&statistics));
         Ok(Streaming { rounds, converged, incomplete })
     }

@@ -333,6 +333,7 @@ fn turn(first: &View, centre: DVec3, number: u32, views: u32) -> View {
         right: turn * first.right,
         up: turn * first.up,
         projection: first.projection,
+        part: None,
     }
 }
 

@@ -99,3 +99,12 @@ pub(super) enum Event {
     Span(Span),
     Count { counter: Counter, at_ns: i64, value: u64 },
 }
+
+impl Event {
+    pub fn span(&self) -> Option<&Span> {
+        match self {
+            Event::Span(span) => Some(span),
+            Event::Count { .. } => None,
+        }
+    }
+}

@@ -1,5 +1,6 @@
 //! The trace while it is filled.
 
+use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -10,6 +11,8 @@ use crate::trace::{ClockReport, QueueClock};
 
 /// Both roles, in the order of [`Filled::clocks`].
 pub(super) const ROLES: [RoleKind; 2] = [RoleKind::Render, RoleKind::Transfer];
+/// Spans of queues are told later than they end, by no more than so many others.
+const LATEST_AMONG: usize = 256;
 /// Submits of copies that are announced and not measured: one for each staging half, and room.
 const ANNOUNCED_MAX: usize = 64;
 
@@ -22,11 +25,18 @@ pub struct TraceOptions {
     pub calibrate: bool,
     /// What is drawn, for the file.
     pub scene: String,
+    /// Of too many events the latest are kept, not the first: a flight recorder.
+    pub keep_latest: bool,
 }
 
 impl Default for TraceOptions {
     fn default() -> TraceOptions {
-        TraceOptions { events_max: 1_000_000, calibrate: true, scene: String::new() }
+        TraceOptions {
+            events_max: 1_000_000,
+            calibrate: true,
+            scene: String::new(),
+            keep_latest: false,
+        }
     }
 }
 
@@ -40,7 +50,7 @@ pub struct Trace {
 
 #[derive(Default)]
 pub(super) struct Filled {
-    pub events: Vec<Event>,
+    pub events: VecDeque<Event>,
     /// Events that did not fit.
     pub dropped: u64,
     pub rounds: u64,
@@ -162,16 +172,35 @@ impl Trace {
         self.filled().clocks[queue_index(role)].report()
     }
 
+    /// Spans that ended within `window_ns` before the latest end, if they are kept.
+    pub fn latest_spans(&self, window_ns: i64) -> Vec<Span> {
+        let filled = self.filled();
+        let spans = || filled.events.iter().rev().filter_map(Event::span);
+        let Some(latest) = spans().take(LATEST_AMONG).map(|span| span.end_ns).max() else {
+            return Vec::new();
+        };
+        // Spans come about when they end: beyond the first few too early ones there is none left.
+        let early = |span: &&Span| span.end_ns < latest - window_ns;
+        let mut too_early = 0;
+        let recent = spans().take_while(|span| {
+            too_early += usize::from(early(span));
+            too_early < LATEST_AMONG
+        });
+        recent.filter(|span| !early(span)).copied().collect()
+    }
+
     pub(super) fn filled(&self) -> MutexGuard<'_, Filled> {
         self.filled.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn push(&self, filled: &mut Filled, event: Event) {
-        if filled.events.len() < self.options.events_max {
-            filled.events.push(event);
-        } else {
+        if filled.events.len() == self.options.events_max {
             filled.dropped += 1;
+            if !self.options.keep_latest || filled.events.pop_front().is_none() {
+                return;
+            }
         }
+        filled.events.push_back(event);
     }
 }
 

@@ -33,6 +33,18 @@ pub enum Along {
     Bottom,
 }
 
+impl Along {
+    /// As buttons call them.
+    pub const NAMED: [(&'static str, Along); 6] = [
+        ("front", Along::Front),
+        ("back", Along::Back),
+        ("left", Along::Left),
+        ("right", Along::Right),
+        ("top", Along::Top),
+        ("bottom", Along::Bottom),
+    ];
+}
+
 /// Nearer than this part of where it began it does not come.
 const NEAREST: f64 = 1e-4;
 /// Nor farther.
@@ -41,15 +53,25 @@ const FARTHEST: f64 = 1e4;
 impl Camera {
     /// Begins at a view, and turns around the point of its line of sight that is nearest to `middle`.
     pub fn new(view: View, middle: DVec3) -> Camera {
-        let along = (middle - view.eye).dot(view.forward);
-        // A volume behind or beside the camera: a pivot in front all the same.
-        let distance = if along > 0.0 { along } else { (middle - view.eye).length().max(1.0) };
+        let distance = view.distance_to(middle);
         Camera { home: (view.clone(), distance), view, distance }
     }
 
     /// Where it is.
     pub fn view(&self) -> &View {
         &self.view
+    }
+
+    /// From the eye to what it turns around.
+    pub fn distance(&self) -> f64 {
+        self.distance
+    }
+
+    /// Goes to another view, and turns around the point of its line of sight that is nearest to `middle`. Home
+    /// stays where it is.
+    pub fn go_to(&mut self, view: View, middle: DVec3) {
+        self.distance = view.distance_to(middle);
+        self.view = view;
     }
 
     /// What it turns around.

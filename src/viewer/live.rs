@@ -1,5 +1,7 @@
-//! The picture that follows what is wanted: a thread draws, round by round, and takes up what changed between
-//! two rounds. When it has converged and nothing is wanted, it sleeps.
+//! The pictures that follow what is wanted: a thread draws, round by round, and takes up what changed between
+//! two rounds. When they have converged and nothing is wanted, it sleeps.
+//!
+//! Of several views each gets one round first, so that all of them show the same moment; then each is refined.
 
 use std::ops::ControlFlow;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -8,25 +10,41 @@ use std::time::Instant;
 
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, ShaderCompiler};
-use crate::render::paging::RoundPicture;
+use crate::render::paging::{RoundCache, RoundPicture};
 use crate::render::{
     Picture, Plan, Renderer, SceneChange, SceneData, Settings, Statistics, srgb_bytes,
 };
 use crate::scene::Scene;
+use crate::trace::{Trace, TraceOptions};
+use crate::viewer::screens::Screens;
 
 /// See the module.
 pub struct Live {
     shared: Arc<Shared>,
+    trace: Arc<Trace>,
     thread: Option<JoinHandle<()>>,
+}
+
+/// A scene that is wanted, and what its views are put together as.
+#[derive(Clone)]
+pub struct Wanted {
+    /// With a view for each picture.
+    pub scene: Scene,
+    /// What they are pictures of.
+    pub screens: Screens,
+    /// So many times as wide are pixels as those of the screens.
+    pub wider: u32,
 }
 
 /// What was drawn last.
 #[derive(Clone, Default)]
 pub struct Shown {
-    /// Whole, but coarse where bricks are missing.
+    /// Of the first window. Whole, but coarse where bricks are missing.
     pub picture: Option<Arc<Picture>>,
     /// The same as a window shows it, [`srgb_bytes`].
     pub bytes: Arc<Vec<u8>>,
+    /// Size and bytes of the other windows' pictures.
+    pub others: Arc<Vec<([u32; 2], Arc<Vec<u8>>)>>,
     /// Counts pictures.
     pub number: u64,
     /// Number of the scene that it shows, as [`Live::want`] gave it.
@@ -35,10 +53,14 @@ pub struct Shown {
     pub converged: bool,
     /// Milliseconds that its last round took on the wall.
     pub round_ms: f64,
-    /// Bricks copied for the scene so far.
+    /// Bricks copied for the view so far.
     pub bricks_uploaded: u64,
-    /// Of the last finished picture.
+    /// How the cache stood after the last round.
+    pub cache: Arc<RoundCache>,
+    /// Of the last finished picture; of several views, the last of them.
     pub statistics: Option<Arc<Statistics>>,
+    /// What finished pictures of the scene lack, in sentences.
+    pub lacks: Vec<String>,
     /// Why nothing more is drawn.
     pub error: Option<Error>,
 }
@@ -51,7 +73,7 @@ struct Shared {
 
 #[derive(Default)]
 struct State {
-    wanted: Option<(Scene, u64)>,
+    wanted: Option<(Wanted, u64)>,
     wanted_count: u64,
     shown: Shown,
     ends: bool,
@@ -64,7 +86,11 @@ struct Drawer {
     data: SceneData,
     settings: Settings,
     shared: Arc<Shared>,
+    trace: Arc<Trace>,
 }
+
+/// Events of the flight recorder: some hundred rounds, 10 MiB.
+const EVENTS_KEPT: usize = 100_000;
 
 impl Live {
     /// Begins with a thread that waits for a scene. `data` says of which volume; scenes of it that have as
@@ -79,21 +105,36 @@ impl Live {
         settings: Settings,
     ) -> Result<Live> {
         let shared = Arc::<Shared>::default();
-        let drawer = Drawer { gpu: gpu.clone(), compiler, data, settings, shared: shared.clone() };
+        let options =
+            TraceOptions { events_max: EVENTS_KEPT, keep_latest: true, ..TraceOptions::default() };
+        let trace = Trace::new(gpu, options);
+        let drawer = Drawer {
+            gpu: gpu.clone(),
+            compiler,
+            data,
+            settings,
+            shared: shared.clone(),
+            trace: trace.clone(),
+        };
         let thread = std::thread::Builder::new()
             .name("draw".to_owned())
             .spawn(move || drawer.run())
             .map_err(|why| Error::machine(format!("no thread for drawing: {why}")))?;
-        Ok(Live { shared, thread: Some(thread) })
+        Ok(Live { shared, trace, thread: Some(thread) })
     }
 
-    /// Wants another scene from now on, and gives its number. Of several that nobody has drawn yet the last
-    /// counts.
+    /// Wants another scene, of one picture, from now on, and gives its number. Of several that nobody has drawn
+    /// yet the last counts.
     pub fn want(&self, scene: Scene) -> u64 {
+        self.want_on(Wanted { scene, screens: Screens::One, wider: 1 })
+    }
+
+    /// As [`Live::want`], on several screens.
+    pub fn want_on(&self, wanted: Wanted) -> u64 {
         let mut state = self.shared.lock();
         state.wanted_count += 1;
         let number = state.wanted_count;
-        state.wanted = Some((scene, number));
+        state.wanted = Some((wanted, number));
         state.shown.error = None;
         self.shared.changed.notify_all();
         number
@@ -102,6 +143,11 @@ impl Live {
     /// What was drawn last.
     pub fn shown(&self) -> Shown {
         self.shared.lock().shown.clone()
+    }
+
+    /// What happened lately, as far as it is kept.
+    pub fn trace(&self) -> &Arc<Trace> {
+        &self.trace
     }
 
     /// Waits until the finished picture of the scene last wanted is there, or drawing failed.
@@ -133,7 +179,7 @@ impl Shared {
     }
 
     /// Sleeps until something is wanted; nothing: the end.
-    fn next_wanted(&self) -> Option<(Scene, u64)> {
+    fn next_wanted(&self) -> Option<(Wanted, u64)> {
         let state = self.lock();
         let mut state = self
             .changed
@@ -142,16 +188,16 @@ impl Shared {
         if state.ends { None } else { state.wanted.take() }
     }
 
-    fn show(&self, scene: u64, picture: Picture, change: impl FnOnce(&mut Shown)) {
-        let bytes = Arc::new(srgb_bytes(&picture));
+    /// Whether what is drawn is not what is wanted any more.
+    fn is_past(&self) -> bool {
+        let state = self.lock();
+        state.ends || state.wanted.is_some()
+    }
+
+    fn show(&self, change: impl FnOnce(&mut Shown)) {
         let mut state = self.lock();
-        let shown = &mut state.shown;
-        shown.picture = Some(Arc::new(picture));
-        shown.bytes = bytes;
-        shown.number += 1;
-        shown.scene = scene;
-        shown.converged = false;
-        change(shown);
+        change(&mut state.shown);
+        state.shown.number += 1;
         self.changed.notify_all();
     }
 }
@@ -180,73 +226,109 @@ impl Drawer {
     /// Draws what is wanted as long as one renderer can; gives what needs another one, or nothing at the end.
     fn draw_with_one_renderer(
         &self,
-        (scene, mut number): (Scene, u64),
-    ) -> Result<Option<(Scene, u64)>> {
-        let data = self.data.again(scene)?;
-        let mut plan = Plan::new(&self.gpu, &self.compiler, &data, &self.settings)?;
-        let mut renderer = Renderer::new(&self.gpu, plan.clone(), &data)?;
+        (mut wanted, mut number): (Wanted, u64),
+    ) -> Result<Option<(Wanted, u64)>> {
+        let data = self.data.again(wanted.scene.clone())?;
+        let plan = Plan::new(&self.gpu, &self.compiler, &data, &self.settings)?;
+        let mut renderer = Renderer::traced(&self.gpu, plan, &data, Some(&self.trace))?;
         drop(data);
-        let next_scene = renderer.next_scene();
         loop {
-            let mut needs_another = None;
-            // Taken up before the next round.
-            let mut left = None;
-            let mut begun = Instant::now();
-            let drawn = renderer.draw_watched(0, &mut |round: RoundPicture| {
-                let round_ms = begun.elapsed().as_secs_f64() * 1e3;
-                number = left.take().unwrap_or(number);
-                self.shared.show(number, round.picture, |shown| {
-                    shown.round_ms = round_ms;
-                    shown.bricks_uploaded = round.bricks_uploaded;
-                });
-                let (wanted, ends) = {
-                    let mut state = self.shared.lock();
-                    (state.wanted.take(), state.ends)
-                };
-                if let Some((scene, of_scene)) = wanted {
-                    match self.change(&plan, scene.clone()) {
-                        Ok(change) => {
-                            plan = change.plan().clone();
-                            left = Some(of_scene);
-                            next_scene.leave(change);
-                        }
-                        Err(_) => needs_another = Some((scene, of_scene)),
-                    }
-                }
-                begun = Instant::now();
-                match ends || needs_another.is_some() {
-                    true => ControlFlow::Break(()),
-                    false => ControlFlow::Continue(()),
-                }
-            });
-            let (picture, statistics) = drawn?;
-            if needs_another.is_some() {
-                return Ok(needs_another);
+            self.draw_views(&mut renderer, &wanted, number)?;
+            let Some(next) = self.shared.next_wanted() else { return Ok(None) };
+            let plan = renderer.plan();
+            let change = self
+                .data
+                .again(next.0.scene.clone())
+                .and_then(|data| SceneChange::new(&self.gpu, &self.compiler, plan, data));
+            match change {
+                Ok(change) => renderer.change(change)?,
+                // Whatever is wrong with a scene itself is told when a renderer is made for it.
+                Err(_) => return Ok(Some(next)),
             }
-            if let Some(of_scene) = left {
-                // The round before was the last of its scene.
-                number = of_scene;
-                continue;
-            }
-            // A picture that could not be finished stays as it is, too: it says so.
-            self.shared.show(number, picture, |shown| {
-                shown.converged = true;
-                shown.statistics = Some(Arc::new(statistics));
-            });
-            let Some((scene, of_scene)) = self.shared.next_wanted() else { return Ok(None) };
-            match self.change(&plan, scene.clone()) {
-                Ok(change) => {
-                    plan = change.plan().clone();
-                    number = of_scene;
-                    renderer.change(change)?;
-                }
-                Err(_) => return Ok(Some((scene, of_scene))),
-            }
+            (wanted, number) = next;
         }
     }
 
-    /// Whatever is wrong with a scene itself is told when a renderer is made for it.
-    fn change(&self, plan: &Plan, scene: Scene) -> Result<SceneChange> {
-        SceneChange::new(&self.gpu, &self.compiler, plan, self.data.again(scene)?)
+    /// Draws all views until they have converged, or something else is wanted.
+    fn draw_views(&self, renderer: &mut Renderer, wanted: &Wanted, number: u64) -> Result<()> {
+        let views = renderer.plan().views.len();
+        let mut drawn =
+            DrawnViews { pictures: vec![None; views], wanted, number, shared: &self.shared };
+        for view in 0..views - 1 {
+            let begun = Instant::now();
+            renderer.draw_watched(view, &mut |round| {
+                drawn.take_round(view, round, begun);
+                ControlFlow::Break(())
+            })?;
+        }
+        // The last one's first round makes the set whole.
+        for view in (0..views).rev() {
+            let mut begun = Instant::now();
+            let whole = renderer.draw_watched(view, &mut |round| {
+                drawn.take_round(view, round, begun);
+                begun = Instant::now();
+                match self.shared.is_past() {
+                    true => ControlFlow::Break(()),
+                    false => ControlFlow::Continue(()),
+                }
+            })?;
+            // A picture that could not be finished stays as it is, too: it says so.
+            let Some((picture, statistics)) = whole else { return Ok(()) };
+            drawn.finish(view, picture, statistics);
+        }
+        Ok(())
+    }
+}
+
+/// The pictures of one scene's views as far as they have come.
+struct DrawnViews<'a> {
+    pictures: Vec<Option<Picture>>,
+    wanted: &'a Wanted,
+    number: u64,
+    shared: &'a Shared,
+}
+
+impl DrawnViews<'_> {
+    fn take_round(&mut self, view: usize, round: RoundPicture, begun: Instant) {
+        let round_ms = begun.elapsed().as_secs_f64() * 1e3;
+        // Views are finished from the last one on.
+        let is_first = round.round == 1 && view + 1 == self.pictures.len();
+        self.pictures[view] = Some(round.picture);
+        let (cache, bricks_uploaded) = (Arc::new(round.cache), round.bricks_uploaded);
+        self.show(|shown| {
+            shown.converged = false;
+            if is_first {
+                shown.lacks.clear();
+            }
+            shown.round_ms = round_ms;
+            shown.bricks_uploaded = bricks_uploaded;
+            shown.cache = cache;
+        });
+    }
+
+    fn finish(&mut self, view: usize, picture: Picture, statistics: Statistics) {
+        self.pictures[view] = Some(picture);
+        self.show(|shown| {
+            // The first view is refined last.
+            shown.converged = view == 0;
+            shown.lacks.extend(statistics.lacks());
+            shown.statistics = Some(Arc::new(statistics));
+        });
+    }
+
+    /// Once there is a picture of every view.
+    fn show(&self, change: impl FnOnce(&mut Shown)) {
+        let pictures: Option<Vec<&Picture>> = self.pictures.iter().map(Option::as_ref).collect();
+        let Some(pictures) = pictures else { return };
+        let (picture, others) = self.wanted.screens.of_windows(&pictures, self.wanted.wider);
+        let bytes = Arc::new(srgb_bytes(&picture));
+        let others = others.iter().map(|of| (of.size, Arc::new(srgb_bytes(of)))).collect();
+        self.shared.show(|shown| {
+            shown.picture = Some(Arc::new(picture));
+            shown.bytes = bytes;
+            shown.others = Arc::new(others);
+            shown.scene = self.number;
+            change(shown);
+        });
     }
 }

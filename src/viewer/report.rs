@@ -23,6 +23,9 @@ pub struct Report {
     pub target: [f64; 3],
     /// Upwards in the picture.
     pub up: [f64; 3],
+    /// Peak signal to noise ratio of the last picture against the reference, dB, as far as it was compared; the
+    /// greatest number where they are equal.
+    pub error_db: Option<f64>,
     /// Whether the last scene's picture was finished.
     pub converged: bool,
     /// Seconds between the last painted frame and the end.

@@ -1,7 +1,7 @@
 //! The window's loop: input, panels, the newest picture, and sleep.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -9,33 +9,22 @@ use std::time::{Duration, Instant};
 use egui_ash::event::{AppEvent, Event};
 use egui_ash::winit::event::WindowEvent;
 use egui_ash::{
-    App, AppCreator, AshRenderState, CreationContext, ExitSignal, HandleRedraw, RunOption,
+    App, AppCreator, AshRenderState, CreationContext, ExitSignal, HandleRedraw, ImageRegistry,
+    RunOption,
 };
 
 use crate::error::{Error, Result};
-use crate::gpu::{EguiAllocator, Gpu, WindowSurface, Windows};
+use crate::gpu::{EguiAllocator, Gpu, Turn, WindowSurface, Windows};
 use crate::scene::Scene;
-use crate::viewer::panels::{Panels, WIDTH};
+use crate::viewer::distances::Distances;
+use crate::viewer::error_meter::{ErrorMeter, Measured};
+use crate::viewer::panels::{Doing, FileNames, Panels, WIDTH};
+use crate::viewer::path_walk::PathWalk;
+use crate::viewer::request::{Files, Request};
+use crate::viewer::screens::Screens;
+use crate::viewer::side_windows::Side;
 use crate::viewer::steering::steer;
-use crate::viewer::{Camera, Live, PICTURE_EDGE_MAX, Report, Shown};
-
-/// What a window is opened for.
-pub struct Request {
-    /// Its title.
-    pub title: String,
-    /// The scene whose first view it begins with.
-    pub scene: Scene,
-    /// The middle of the volume, world: the camera turns around it.
-    pub middle: glam::DVec3,
-    /// Opened to present.
-    pub gpu: Arc<Gpu>,
-    /// Draws the scene's volume.
-    pub live: Live,
-    /// Where the scene is saved to, unless another file is typed.
-    pub save_as: PathBuf,
-    /// Pixels of its picture at first.
-    pub size: [u32; 2],
-}
+use crate::viewer::{Camera, Live, PICTURE_EDGE_MAX, Report, Shown, Wanted};
 
 /// Longer than this without input, and the picture is drawn at its full size.
 const REST: Duration = Duration::from_millis(150);
@@ -46,7 +35,7 @@ const PIXELS_WIDER_MAX: u32 = 8;
 /// How long the loop sleeps when there is nothing to do: so long may input wait.
 const NAP: Duration = Duration::from_millis(8);
 /// egui settles what an input changed within so many frames.
-const SETTLING_FRAMES: u32 = 3;
+pub(super) const SETTLING_FRAMES: u32 = 3;
 
 /// Shows the window until it is closed; says what it did.
 ///
@@ -107,12 +96,12 @@ pub fn show(request: Request) -> Result<Report> {
 
 /// What the window leaves behind when it is closed.
 #[derive(Default)]
-struct Outcome {
+pub(super) struct Outcome {
     report: Report,
-    error: Option<Error>,
+    pub error: Option<Error>,
 }
 
-fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
+pub fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
     shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -133,8 +122,8 @@ impl AppCreator<EguiAllocator> for Creator {
         let (Some((request, begun)), Some(windows), Some(state)) = (request, windows, state) else {
             unreachable!("asked once");
         };
-        let surface =
-            WindowSurface::new(&windows, context.main_window, context.image_registry.clone());
+        let registry = context.image_registry;
+        let surface = WindowSurface::new(&windows, context.main_window, registry.clone());
         let surface = match surface {
             Ok(surface) => Some(Arc::new(Mutex::new(surface))),
             Err(why) => {
@@ -144,17 +133,35 @@ impl AppCreator<EguiAllocator> for Creator {
             }
         };
         close_on_signals(&context.exit_signal);
-        let camera = Camera::new(request.scene.views[0].clone(), request.middle);
+        let begin = request.scene.views[0].clone();
+        let begin = match &request.screens {
+            Screens::Wall(wall) => wall.base(&begin),
+            Screens::One | Screens::Eyes { .. } => begin,
+        };
+        let camera = Camera::new(begin, request.middle);
+        let Request { scene, levels, names, panels, .. } = &request;
+        let panels = Panels::new(scene, *levels, names, *panels);
         let viewer = Viewer {
             live: Some(request.live),
+            meter: Some(request.meter),
             surface,
+            sides: Side::all(&request.screens, request.size, &camera),
+            registry,
             work: Arc::default(),
             outcome: self.outcome.clone(),
             exit: context.exit_signal,
-            panels: Panels::new(&request.scene, &request.save_as),
+            panels,
             scene: request.scene,
+            screens: request.screens,
+            middle: request.middle,
+            names: request.names,
+            files: request.files,
             camera,
+            along: None,
+            exports: None,
+            distances: Distances::default(),
             shown: Shown::default(),
+            measured: Measured::default(),
             texture: None,
             wanted: None,
             moved: begun - REST,
@@ -185,47 +192,59 @@ fn close_on_signals(exit: &ExitSignal) {
 
 /// What the frame under way is to do once egui has said what it draws.
 #[derive(Default)]
-struct Work {
-    paints: bool,
+pub struct Work {
+    pub paints: bool,
     /// A picture that the window does not show yet.
-    picture: Option<Arc<Vec<u8>>>,
+    pub picture: Option<Arc<Vec<u8>>>,
     /// Frames painted so far.
-    frames: u64,
+    pub frames: u64,
 }
 
-struct Viewer {
-    // Dropped in this order: the thread that draws, the surface, and at last the device.
-    live: Option<Live>,
-    surface: Option<Arc<Mutex<WindowSurface>>>,
-    work: Arc<Mutex<Work>>,
-    outcome: Arc<Mutex<Outcome>>,
-    exit: ExitSignal,
-    panels: Panels,
-    scene: Scene,
-    camera: Camera,
-    shown: Shown,
-    texture: Option<egui::TextureId>,
-    wanted: Option<Wanted>,
+pub(super) struct Viewer {
+    // Dropped in this order: the threads, the surfaces, and at last the device.
+    pub(super) live: Option<Live>,
+    pub(super) meter: Option<ErrorMeter>,
+    pub(super) surface: Option<Arc<Mutex<WindowSurface>>>,
+    pub(super) sides: Vec<Side>,
+    pub(super) registry: ImageRegistry,
+    pub(super) work: Arc<Mutex<Work>>,
+    pub(super) outcome: Arc<Mutex<Outcome>>,
+    pub(super) exit: ExitSignal,
+    pub(super) panels: Panels,
+    pub(super) scene: Scene,
+    pub(super) screens: Screens,
+    pub(super) middle: glam::DVec3,
+    pub(super) names: FileNames,
+    pub(super) files: Files,
+    pub(super) camera: Camera,
+    pub(super) along: Option<PathWalk>,
+    /// A picture that is to be written when it is finished.
+    pub(super) exports: Option<PathBuf>,
+    pub(super) distances: Distances,
+    pub(super) shown: Shown,
+    pub(super) measured: Measured,
+    pub(super) texture: Option<egui::TextureId>,
+    pub(super) wanted: Option<Asked>,
     /// When something last moved.
-    moved: Instant,
+    pub(super) moved: Instant,
     /// An input whose picture has not come yet: the scene's number, and when.
-    asked: Option<(u64, Instant)>,
+    pub(super) asked: Option<(u64, Instant)>,
     /// Frames that are painted though nothing new has come.
-    settling: u32,
-    begun: Instant,
+    pub(super) settling: u32,
+    pub(super) begun: Instant,
     /// When, and the device's submits by then.
-    last_paint: (Instant, u64),
-    windows: Arc<Windows>,
-    gpu: Arc<Gpu>,
+    pub(super) last_paint: (Instant, u64),
+    pub(super) windows: Arc<Windows>,
+    pub(super) gpu: Arc<Gpu>,
 }
 
 /// The scene that was asked for last.
-struct Wanted {
-    number: u64,
+pub(super) struct Asked {
+    pub number: u64,
     /// Pixels of the window's part that shows it.
-    size: [u32; 2],
+    pub size: [u32; 2],
     /// So many of them, across, to a pixel of the picture.
-    wider: u32,
+    pub wider: u32,
 }
 
 impl Viewer {
@@ -236,33 +255,26 @@ impl Viewer {
 
     /// Asks for the scene as it is now.
     fn want(&mut self, size: [u32; 2], wider: u32) {
-        let Some(live) = &self.live else { return };
-        let number = live.want(self.seen(size.map(|edge| edge.div_ceil(wider).max(1))));
-        self.wanted = Some(Wanted { number, size, wider });
+        let wanted = self.seen(size, wider);
+        let (Some(live), Some(meter)) = (&self.live, &self.meter) else { return };
+        meter.rest();
+        let number = live.want_on(wanted);
+        self.wanted = Some(Asked { number, size, wider });
         lock(&self.outcome).report.scenes += 1;
     }
 
     /// The scene as the camera sees it.
-    fn seen(&self, size: [u32; 2]) -> Scene {
+    fn seen(&self, size: [u32; 2], wider: u32) -> Wanted {
+        let (camera, distance) = (self.camera.view(), self.camera.distance());
+        let (screens, views) = match self.screens.views(camera, distance, size, wider) {
+            Some(views) => (self.screens.clone(), views),
+            // Parallel rays have no eyes: one picture of them.
+            None => (Screens::One, vec![camera.clone()]),
+        };
         let mut scene = self.scene.clone();
-        scene.views = vec![self.camera.view().clone()];
-        scene.picture.size = size;
-        scene
-    }
-
-    /// Whole under its name, or not at all.
-    fn save(&self, path: &Path, size: [u32; 2]) -> Result<()> {
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-        let text = self.seen(size).to_toml(folder.unwrap_or(Path::new(".")));
-        let mut partial = path.as_os_str().to_owned();
-        partial.push(format!(".partial-{}", std::process::id()));
-        std::fs::write(&partial, text).and_then(|()| std::fs::rename(&partial, path)).map_err(
-            |why| {
-                // What is left of it is of no use.
-                let _ = std::fs::remove_file(&partial);
-                Error::machine(format!("{}: cannot be written: {why}", path.display()))
-            },
-        )
+        scene.views = views;
+        scene.picture.size = screens.picture_size(size, wider);
+        Wanted { scene, screens, wider }
     }
 
     /// How much wider a pixel must be so that a picture keeps to its time while something moves.
@@ -277,6 +289,32 @@ impl Viewer {
         wider
     }
 
+    /// Whether the picture that is shown is the finished one of what was asked for, at full size.
+    pub(super) fn is_finished(&self) -> bool {
+        self.wanted.as_ref().is_some_and(|wanted| {
+            wanted.wider == 1 && self.shown.converged && self.shown.scene == wanted.number
+        })
+    }
+
+    /// Has the error of a picture at rest measured; only of one that is one view's.
+    fn measure(&mut self) {
+        let Some(meter) = &self.meter else { return };
+        let Some(picture) = self.shown.picture.clone().filter(|_| self.is_finished()) else {
+            return;
+        };
+        let number = self.shown.number;
+        let begun = self.measured.error.is_some_and(|error| error.picture == number);
+        if self.screens == Screens::One && !begun && self.measured.unmeasured.is_none() {
+            let size = picture.size;
+            meter.measure(self.seen(size, 1).scene, picture, number);
+        }
+        let measured = meter.measured();
+        if measured.number != self.measured.number {
+            self.settling = SETTLING_FRAMES;
+        }
+        self.measured = measured;
+    }
+
     /// The part of the window that shows the picture.
     fn picture(&mut self, context: &egui::Context, ui: &mut egui::Ui) -> Result<()> {
         let area = ui.available_rect_before_wrap();
@@ -284,24 +322,21 @@ impl Viewer {
         let size = (area.size() * per_point).floor();
         let size = [size.x, size.y].map(|edge| (edge as u32).clamp(1, PICTURE_EDGE_MAX));
         let response = ui.allocate_rect(area, egui::Sense::click_and_drag());
-        let moved = steer(context, &response, &mut self.camera, size[1] as f32 / per_point);
-        let now = Instant::now();
-        let resized = self.wanted.as_ref().is_none_or(|wanted| wanted.size != size);
-        if moved || self.panels.take_changed(&mut self.scene) || resized {
-            self.moved = now;
-            let wider = self.wider_for(size);
-            self.want(size, wider);
-            let number = self.wanted.as_ref().map_or(0, |wanted| wanted.number);
-            self.asked.get_or_insert((number, now));
-        } else if self.wanted.as_ref().is_some_and(|wanted| wanted.wider > 1)
-            && now - self.moved > REST
-        {
-            self.want(size, 1);
+        let mut moved = false;
+        if self.along.is_none() {
+            moved |= steer(context, &response, &mut self.camera, size[1] as f32 / per_point);
         }
-        if let Some(path) = self.panels.take_save() {
-            let saved = self.save(&path, size);
-            self.panels.tell_saved(saved);
+        for command in self.panels.take_commands() {
+            moved |= self.obey(command, size);
         }
+        moved |= self.follow_path(context) | self.show_sides(context)?;
+        if self.panels.take_changed() {
+            self.scene = self.panels.scene();
+            moved = true;
+        }
+        self.ask(size, moved);
+        self.export();
+        self.measure();
         let (Some(surface), Some(picture)) = (&self.surface, &self.shown.picture) else {
             return Ok(());
         };
@@ -312,13 +347,76 @@ impl Viewer {
         }
         let drawn = egui::vec2(size[0] as f32, size[1] as f32) / per_point;
         let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
-        let at = egui::Rect::from_min_size(area.min, drawn);
+        let mut at = egui::Rect::from_min_size(area.min, drawn);
+        if matches!(self.screens, Screens::Wall(_)) {
+            // All screens, as large as they fit.
+            let [width, height] = picture.size.map(|edge| edge as f32);
+            let fits = (drawn.x / width).min(drawn.y / height);
+            at = egui::Rect::from_min_size(area.min, egui::vec2(width, height) * fits);
+        }
         ui.painter().image(texture, at, whole, egui::Color32::WHITE);
+        self.clicks(&response, ui, at, size);
         let mut outcome = lock(&self.outcome);
         outcome.report.picture_size = size;
         let origin = area.min.to_vec2() * per_point;
         outcome.report.picture_origin = [origin.x, origin.y].map(|edge| edge.round() as u32);
         Ok(())
+    }
+
+    /// Asks for another scene where something moved or the picture is not what it should be at rest.
+    fn ask(&mut self, size: [u32; 2], moved: bool) {
+        let now = Instant::now();
+        let resized = self.wanted.as_ref().is_none_or(|wanted| wanted.size != size);
+        // Frames that are written are whole at once.
+        let writes = self.along.as_ref().is_some_and(|along| along.writes.is_some());
+        if moved || resized {
+            self.moved = now;
+            let wider = if writes { 1 } else { self.wider_for(size) };
+            self.want(size, wider);
+            let number = self.wanted.as_ref().map_or(0, |wanted| wanted.number);
+            self.asked.get_or_insert((number, now));
+        } else if self.wanted.as_ref().is_some_and(|wanted| wanted.wider > 1)
+            && (writes || now - self.moved > REST)
+        {
+            self.want(size, 1);
+        }
+    }
+
+    /// Keeps the other windows going; whether a hand moved the camera in one of them.
+    fn show_sides(&mut self, context: &egui::Context) -> Result<bool> {
+        let mut moved = false;
+        let held = self.along.is_some();
+        for (index, side) in self.sides.iter_mut().enumerate() {
+            let did = side.show(context, (&self.shown, index), &self.camera, held)?;
+            if let Some(camera) = did.camera {
+                self.camera = camera;
+                moved = true;
+            }
+            if did.closes {
+                self.exit.send(ExitCode::SUCCESS);
+            }
+        }
+        Ok(moved)
+    }
+
+    /// Clicks are ends of distances, where that is on.
+    fn clicks(&mut self, response: &egui::Response, ui: &egui::Ui, at: egui::Rect, size: [u32; 2]) {
+        if !self.distances.on || self.screens != Screens::One {
+            return;
+        }
+        if response.clicked()
+            && let Some(Ok(overview)) = &self.measured.overview
+            && let Some(pointer) = response.interact_pointer_pos()
+        {
+            let part = (pointer - at.min) / at.size();
+            let pixel = [part.x, part.y].map(f64::from);
+            let pixel = [0, 1].map(|axis: usize| {
+                (pixel[axis] * f64::from(size[axis])).clamp(0.0, f64::from(size[axis] - 1)) as u32
+            });
+            let channels = &self.scene.volumes[0].channels;
+            self.distances.take(overview.meets(channels, self.camera.view(), size, pixel));
+        }
+        self.distances.draw(ui.painter(), at, self.camera.view(), size);
     }
 
     /// Takes what was drawn since the last frame.
@@ -340,6 +438,22 @@ impl Viewer {
         self.shown = shown;
         is_new || error_is_new
     }
+
+    /// Writes down what the window did.
+    fn report(&self) {
+        let mut outcome = lock(&self.outcome);
+        let report = &mut outcome.report;
+        let (at, submits) = self.last_paint;
+        report.idle_s = at.elapsed().as_secs_f64();
+        report.idle_submits = self.gpu.submits() - submits;
+        let number = self.wanted.as_ref().map(|wanted| wanted.number);
+        report.converged = self.shown.converged && Some(self.shown.scene) == number;
+        report.error_db = self.measured.error.map(|error| error.psnr_db);
+        let view = self.camera.view();
+        let target = self.camera.pivot();
+        [report.eye, report.target, report.up] =
+            [view.eye, target, view.up].map(|of| of.to_array());
+    }
 }
 
 impl App for Viewer {
@@ -352,7 +466,19 @@ impl App for Viewer {
         if quits {
             self.exit.send(ExitCode::SUCCESS);
         }
-        self.panels.show(context, &self.shown, &self.camera);
+        if let Some(live) = &self.live {
+            let doing = Doing {
+                shown: &self.shown,
+                measured: &self.measured,
+                camera: &self.camera,
+                trace: live.trace(),
+                along: self.along.as_ref().map(PathWalk::progress),
+                measures: self.distances.on,
+                distances: &self.distances.lines,
+                one_screen: self.screens == Screens::One,
+            };
+            self.panels.show(context, &doing);
+        }
         let frame = egui::Frame::none().fill(egui::Color32::BLACK);
         let drawn = egui::CentralPanel::default()
             .frame(frame)
@@ -371,7 +497,8 @@ impl App for Viewer {
     fn handle_event(&mut self, event: Event) {
         match event {
             Event::AppEvent { event: AppEvent::AboutToWait } => {
-                let frames = lock(&self.work).frames;
+                let of_sides = self.sides.iter().map(|side| lock(&side.work).frames);
+                let frames = lock(&self.work).frames + of_sides.sum::<u64>();
                 let mut outcome = lock(&self.outcome);
                 if outcome.report.frames != frames {
                     outcome.report.frames = frames;
@@ -382,35 +509,54 @@ impl App for Viewer {
                 }
             }
             Event::AppEvent { event: AppEvent::LoopExiting } => {
-                {
-                    let mut outcome = lock(&self.outcome);
-                    let report = &mut outcome.report;
-                    let (at, submits) = self.last_paint;
-                    report.idle_s = at.elapsed().as_secs_f64();
-                    report.idle_submits = self.gpu.submits() - submits;
-                    let number = self.wanted.as_ref().map(|wanted| wanted.number);
-                    report.converged = self.shown.converged && Some(self.shown.scene) == number;
-                    let view = self.camera.view();
-                    let target = self.camera.pivot();
-                    [report.eye, report.target, report.up] =
-                        [view.eye, target, view.up].map(|of| of.to_array());
-                }
-                // Before egui's objects go, and the window: nobody may submit any more.
+                self.report();
+                self.rescue();
+                // Before egui's objects go, and the windows: nobody may submit any more.
                 self.live = None;
+                self.meter = None;
                 self.surface = None;
+                self.sides.clear();
                 lock(&self.outcome).report.validation_messages = self.gpu.messages().len() as u64;
+            }
+            Event::DeferredViewportCreated { viewport_id, window } => {
+                let side = self.sides.iter_mut().find(|side| side.id == viewport_id);
+                let made = side.map(|side| side.made(&self.windows, window, self.registry.clone()));
+                if let Some(Err(why)) = made {
+                    self.fails(why);
+                }
             }
             // egui-ash asks for these itself, again and again.
             Event::ViewportEvent { event: WindowEvent::RedrawRequested, .. } => {}
-            Event::ViewportEvent { .. } => self.settling = SETTLING_FRAMES,
+            Event::ViewportEvent { viewport_id, .. } => {
+                self.settling = SETTLING_FRAMES;
+                self.sides.iter().filter(|side| side.id == viewport_id).for_each(Side::settle);
+            }
             _ => {}
         }
     }
 
-    fn request_redraw(&mut self, _viewport: egui::ViewportId) -> HandleRedraw {
+    fn request_redraw(&mut self, viewport: egui::ViewportId) -> HandleRedraw {
         // Until the frame is painted: egui-ash copies textures and waits for the device in between.
         let turn = self.windows.turn();
-        let (surface, work) = (self.surface.clone(), self.work.clone());
+        let (surface, work) = match self.sides.iter().find(|side| side.id == viewport) {
+            None => (self.surface.clone(), self.work.clone()),
+            Some(side) => {
+                lock(&side.work).paints = side.paints();
+                (side.surface.clone(), side.work.clone())
+            }
+        };
+        self.paint_with(turn, surface, work)
+    }
+}
+
+impl Viewer {
+    /// Paints a window once egui has said what it draws.
+    fn paint_with(
+        &self,
+        turn: Turn,
+        surface: Option<Arc<Mutex<WindowSurface>>>,
+        work: Arc<Mutex<Work>>,
+    ) -> HandleRedraw {
         let (outcome, exit) = (self.outcome.clone(), self.exit.clone());
         HandleRedraw::Handle(Box::new(move |size, egui| {
             let mut work = lock(&work);

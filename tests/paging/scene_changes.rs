@@ -395,8 +395,8 @@ fn no_round_after_a_swap_shows_a_voxel_of_before() {
                 }
                 ControlFlow::Continue(())
             };
-            let (picture, statistics) =
-                renderer.draw_watched(0, &mut watch).unwrap_or_else(|why| panic!("{why}"));
+            let drawn = renderer.draw_watched(0, &mut watch).unwrap_or_else(|why| panic!("{why}"));
+            let (picture, statistics) = drawn.expect("not broken off");
             assert!(statistics.converged, "{statistics:?}");
             assert!(planned.is_empty() && seen.iter().all(|count| *count > 500), "{seen:?}");
             let alone = finished(&device, &marks(&source, 2, substitute), &settings).picture;

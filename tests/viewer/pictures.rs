@@ -17,21 +17,30 @@ fn write_png(shot: &Shot, path: &Path) {
     writer.finish().expect("an end");
 }
 
+/// A window of a scene on a desktop of its own size, once it has come to rest.
+fn picture_of(scene: &str, size: [u32; 2], more: &[&str]) -> Shot {
+    let desktop = Desktop::start([size[0] as u16 + 300, size[1] as u16]);
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/demo_scenes").join(scene);
+    let mut child = view(&scene, &desktop.display, size).args(more).spawn().expect("it runs");
+    let window = desktop.window(".toml");
+    let shot = desktop.still(Duration::from_secs(6));
+    desktop.close(window);
+    assert!(child.wait().expect("an end").success());
+    shot
+}
+
 #[test]
-#[ignore = "half a minute: the pictures of the docs, into ASHFALL_DOCS if that is set"]
+#[ignore = "a minute: the pictures of the docs, into ASHFALL_DOCS if that is set"]
 fn pictures_of_the_docs() {
     let folder = Folder::new("pictures");
     let to = std::env::var_os("ASHFALL_DOCS").map(PathBuf::from);
     let to = to.map(|to| Path::new(env!("CARGO_MANIFEST_DIR")).join(to));
-    let desktop = Desktop::start([990, 640]);
-    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/demo_scenes/mandelbulb.toml");
-    let mut child = view(&scene, &desktop.display, [700, 640]).spawn().expect("the binary runs");
-    let window = desktop.window("mandelbulb.toml");
-    let shot = desktop.still(Duration::from_secs(4));
-    desktop.close(window);
-    assert!(child.wait().expect("an end").success());
+    let to = to.unwrap_or_else(|| folder.path(""));
+    let shot = picture_of("mandelbulb.toml", [700, 860], &[]);
     // The panels are there, and a picture beside them.
-    assert!(shot.part([0, 0], [700, 640]).covered() > 50_000);
-    assert!(shot.part([700, 0], [290, 640]).covered() > 100_000);
-    write_png(&shot, &to.unwrap_or_else(|| folder.path("")).join("viewer.png"));
+    assert!(shot.part([0, 0], [700, 860]).covered() > 50_000);
+    assert!(shot.part([700, 0], [300, 860]).covered() > 100_000);
+    write_png(&shot, &to.join("viewer.png"));
+    let all = picture_of("mandelbulb.toml", [500, 1900], &["--panels", "all"]);
+    write_png(&all.part([500, 0], [300, 1900]), &to.join("viewer_panels.png"));
 }

@@ -101,21 +101,17 @@ impl Closed {
     /// What was on the screen is what `render` makes of the camera and size at the end.
     fn assert_showed(&self, shot: &Shot, folder: &Folder) {
         let scene = folder.write("rendered.toml", scene_text(self.camera()));
-        self.assert_is(shot, &scene, folder);
+        self.assert_is(shot, &scene, &[], folder);
     }
 
-    fn assert_is(&self, shot: &Shot, scene: &Path, folder: &Folder) {
+    fn assert_is(&self, shot: &Shot, scene: &Path, flags: &[&str], folder: &Folder) {
         let picture = folder.path("rendered.png");
         let [origin, size] = self.area();
         let pixels = format!("{}x{}", size[0], size[1]);
-        let run = ashfall([
-            "render".as_ref(),
-            scene.as_os_str(),
-            "-o".as_ref(),
-            picture.as_os_str(),
-            "--size".as_ref(),
-            pixels.as_ref(),
-        ]);
+        let fixed = ["--size".as_ref(), pixels.as_ref(), "-o".as_ref(), picture.as_os_str()];
+        let arguments = ["render".as_ref(), scene.as_os_str()];
+        let run =
+            ashfall(arguments.into_iter().chain(fixed).chain(flags.iter().map(AsRef::as_ref)));
         assert_eq!(run.code, Some(0), "{}", run.stderr);
         let rendered = read_png(&picture);
         let db = shot.part(origin, size).psnr_db(&rendered);
@@ -168,7 +164,7 @@ fn what_is_on_the_screen_is_what_render_draws() {
     desktop.still(STILL);
     let closed = view.close();
     closed.assert_showed(&moved, &folder);
-    closed.assert_is(&moved, &folder.path("saved.toml"), &folder);
+    closed.assert_is(&moved, &folder.path("saved.toml"), &["--view", "screen"], &folder);
     let waits = closed.report["input_ms"].as_array().expect("a list").len();
     assert!(waits >= 2, "{:#}", closed.report);
     assert!(closed.camera()[0] != BEGIN[0]);

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use crate::error::Error;
 use crate::loading::{Block, Wish};
 use crate::render::paging::brick_numbers::{BrickNumbers, ChannelPlace};
+use crate::render::paging::slot_map::SlotMap;
 use crate::render::paging::visibility::{Judge, Shows};
 use crate::residency::Report;
 use crate::source::{BrickEntry, BrickSource};
@@ -80,6 +81,8 @@ pub struct HostCache {
     surveys_pending: usize,
     /// Of this view.
     pub counts: Counts,
+    /// Over all views.
+    pub slots: SlotMap,
 }
 
 impl HostCache {
@@ -113,6 +116,7 @@ impl HostCache {
             held,
             surveys_pending: 0,
             counts: Counts::default(),
+            slots: SlotMap::default(),
         }
     }
 
@@ -128,8 +132,10 @@ impl HostCache {
     pub fn take_report(&mut self, report: &Report) -> Vec<Block> {
         let mut blocks = BTreeSet::new();
         self.wanted.clear();
+        self.slots.next_round();
         for (atlas, of_atlas) in report.atlases.iter().enumerate() {
             self.pool[atlas].extend(&of_atlas.grants);
+            of_atlas.grants.iter().for_each(|slot| self.slots.freed(*slot));
             for [entry, rank] in &of_atlas.requests {
                 let id = self.numbers.brick(atlas, *entry);
                 // What came while the device marched is there from the next round on.
@@ -323,6 +329,11 @@ impl HostCache {
         self.bound.get(&id).map(|bound| bound.slot)
     }
 
+    /// Bricks that rays asked for, without a slot.
+    pub fn wanted_count(&self) -> usize {
+        self.wanted.len()
+    }
+
     /// Slots kept for bricks that have not come.
     pub fn bound_count(&self) -> usize {
         self.bound.len()
@@ -350,6 +361,7 @@ impl HostCache {
             slot,
             owner: number,
         });
+        self.slots.filled(slot, id);
         self.floor.remove(&id);
         self.ahead.remove(&id);
         self.counts.uploaded += 1;
@@ -458,6 +470,7 @@ impl HostCache {
     /// The source changed and the device was cleared: nothing is known, nothing held.
     pub fn clear(&mut self) {
         self.pool.iter_mut().for_each(Vec::clear);
+        self.slots.clear();
         self.bound.clear();
         self.surveyed.clear();
         self.surveyed_in_part.clear();

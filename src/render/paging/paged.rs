@@ -343,7 +343,7 @@ impl Paged {
     pub fn tell_marched(&mut self, tile: Tile, ms: f64, one_round: bool) {
         let way = self.way(tile.view);
         // One tile stands for its view. Without timestamps there is nothing to compare.
-        let stands = one_round && tile.origin_pixel == [0; 2] && ms > 0.0;
+        let stands = one_round && tile.is_first && ms > 0.0;
         if let (Some((_, choice)), Some(way), true) = (&mut self.other_march, way, stands) {
             choice.timed(tile.view, way, ms);
         }

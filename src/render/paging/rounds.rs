@@ -11,10 +11,11 @@ use crate::passes::cache_buffers::RankOrder;
 use crate::render::frame::Tile;
 use crate::render::paging::paged::Paged;
 use crate::render::paging::round::{Round, annotate_grants};
+use crate::render::paging::slot_map::SlotBrick;
 use crate::render::plan::Plan;
 use crate::render::renderer::{Picture, Renderer};
 use crate::render::statistics::{Statistics, Unfinished};
-use crate::residency::{Allowance, Report};
+use crate::residency::{Allowance, OfAtlas, Report};
 use crate::twins::cache::Progress;
 use crate::twins::limits::RANK_NONE;
 
@@ -28,7 +29,7 @@ const RECOVERIES_MAX: u32 = 3;
 const GLANCE: Duration = Duration::from_micros(200);
 
 /// Draws a tile of a view through the atlas; its pixels and samples are then in the buffers. False: another
-/// scene has been left for the renderer, and they are not.
+/// scene has been left for the renderer or who watches broke off, and they are not.
 pub fn draw(
     renderer: &Renderer,
     paged: &mut Paged,
@@ -74,8 +75,41 @@ pub struct RoundPicture {
     pub ms: f64,
     /// Bricks copied to the device before this round.
     pub bricks_uploaded: u64,
+    /// How the cache stands.
+    pub cache: RoundCache,
     /// What the round gave.
     pub picture: Picture,
+}
+
+/// The cache after a round. Counts are of the view so far, unless they say another thing.
+#[derive(Clone, Debug, Default)]
+pub struct RoundCache {
+    /// Bricks in slots that rays of this round went through for the first time in the view.
+    pub touched: u64,
+    /// Bricks that rays of this round asked for in vain.
+    pub missed: u64,
+    /// Of them, without a slot yet.
+    pub wanted: u64,
+    /// Bricks that have a slot and have not come.
+    pub pending: u64,
+    /// Bricks that the source does not have, of all that were looked at.
+    pub absent: u64,
+    /// Bricks that show nothing.
+    pub hidden: u64,
+    /// Bricks of one value.
+    pub constant: u64,
+    /// Bricks that could not be read, in the epoch.
+    pub failed: u64,
+    /// Texel bytes copied.
+    pub bytes_uploaded: u64,
+    /// Bytes of reports read back, of this round.
+    pub bytes_read_back: u64,
+    /// Slots of each atlas, one after the other.
+    pub slots_of_atlas: Vec<u32>,
+    /// What they hold, as far as any was ever filled.
+    pub slots: Vec<Option<SlotBrick>>,
+    /// Number of this round in which slots count.
+    pub round: u32,
 }
 
 /// Who looks at the pictures of rounds, and how long looking took.
@@ -83,12 +117,14 @@ pub struct Watch<'w> {
     begun: Instant,
     watching: Duration,
     tell: &'w mut dyn FnMut(RoundPicture) -> ControlFlow<()>,
+    /// There is no picture then but that of the last round.
+    pub broken_off: bool,
 }
 
 impl<'w> Watch<'w> {
     /// From now on.
     pub fn new(tell: &'w mut dyn FnMut(RoundPicture) -> ControlFlow<()>) -> Watch<'w> {
-        Watch { begun: Instant::now(), watching: Duration::ZERO, tell }
+        Watch { begun: Instant::now(), watching: Duration::ZERO, tell, broken_off: false }
     }
 
     fn ms(&self) -> f64 {
@@ -116,7 +152,7 @@ struct Rounds<'a, 'w> {
 }
 
 impl Rounds<'_, '_> {
-    /// False: another scene waits to be taken up.
+    /// False: another scene waits to be taken up, or who watches has seen enough.
     fn turn(&mut self, progress: &mut dyn FnMut(f64)) -> Result<bool> {
         let plan = &self.renderer.plan;
         let substitute = self.substitute();
@@ -154,11 +190,17 @@ impl Rounds<'_, '_> {
             let report = self.take_report(point)?;
             self.statistics.rounds += 1;
             self.show_progress(&report, progress);
-            if substitute && self.show_picture()?.is_break() {
-                self.statistics.converged = false;
-                return Ok(true);
+            let seen =
+                if substitute { self.show_picture(&report)? } else { ControlFlow::Continue(()) };
+            let finished = self.is_finished(&report, substitute);
+            if seen.is_break() {
+                // The next picture will want much of the same.
+                if !finished {
+                    self.ask(&report)?;
+                }
+                return Ok(false);
             }
-            if self.is_finished(&report, substitute) {
+            if finished {
                 if recoveries == RECOVERIES_MAX || !self.source_recovers()? {
                     return Ok(true);
                 }
@@ -278,6 +320,7 @@ impl Rounds<'_, '_> {
         for atlas in &report.atlases {
             self.statistics.bricks_needed += u64::from(atlas.answer.touched);
         }
+        self.statistics.bytes_read_back += report.bytes;
         self.paged.trace_report(&report);
         Ok(report)
     }
@@ -442,8 +485,32 @@ impl Rounds<'_, '_> {
         progress(f64::from(self.farthest) / f64::from(ranks));
     }
 
+    /// How the cache stands after a round.
+    fn cache(&self, report: &Report) -> RoundCache {
+        let host = &self.paged.host;
+        let sum =
+            |of: &dyn Fn(&OfAtlas) -> u32| report.atlases.iter().map(|a| u64::from(of(a))).sum();
+        let atlases = self.paged.plan.residency.atlases.iter();
+        let (slots, round) = host.slots.now();
+        RoundCache {
+            touched: sum(&|atlas| atlas.answer.touched),
+            missed: sum(&|atlas| atlas.answer.wished),
+            wanted: host.wanted_count() as u64,
+            pending: host.bound_count() as u64,
+            absent: host.counts.absent,
+            hidden: host.counts.hidden,
+            constant: host.counts.constant,
+            failed: host.failures().len() as u64,
+            bytes_uploaded: host.counts.uploaded_bytes,
+            bytes_read_back: report.bytes,
+            slots_of_atlas: atlases.map(|atlas| atlas.layout.slot_count()).collect(),
+            slots,
+            round,
+        }
+    }
+
     /// Hands a round's picture to who watches. What that takes is no part of the loop's time.
-    fn show_picture(&mut self) -> Result<ControlFlow<()>> {
+    fn show_picture(&mut self, report: &Report) -> Result<ControlFlow<()>> {
         let ms = match &self.watch {
             Some(watch) => watch.ms(),
             None => return Ok(ControlFlow::Continue(())),
@@ -451,15 +518,18 @@ impl Rounds<'_, '_> {
         let begun = Instant::now();
         let submitted = self.renderer.submit_resolve(self.paged, self.tile)?;
         self.ended(submitted)?;
-        let size = self.renderer.plan.picture;
+        let size = self.renderer.plan.pixels[self.tile.view as usize].size;
         let mut pixels = vec![[0.0; 4]; size[0] as usize * size[1] as usize];
         self.renderer.collect(self.tile, &mut pixels)?;
         let mut flow = ControlFlow::Continue(());
+        let cache = self.cache(report);
         if let Some(watch) = &mut self.watch {
             let (round, uploaded) = (self.statistics.rounds, self.paged.host.counts.uploaded);
             let picture = Picture { size, pixels };
-            flow = (watch.tell)(RoundPicture { round, ms, bricks_uploaded: uploaded, picture });
+            flow =
+                (watch.tell)(RoundPicture { round, ms, bricks_uploaded: uploaded, cache, picture });
             watch.watching += begun.elapsed();
+            watch.broken_off = flow.is_break();
         }
         Ok(flow)
     }

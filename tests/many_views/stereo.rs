@@ -1,17 +1,13 @@
 //! Pictures for two eyes: each is the mono picture from where it is, byte for byte, also far off the axis, and
 //! both share one atlas.
 
-mod binary;
-mod common;
-mod folder;
-
-use std::path::Path;
-
 use ashfall::render::{Addressing, Picture, SceneData, Settings};
 use ashfall::scene::{Overrides, Stereo};
-use binary::ashfall;
-use common::drawing::{Device, computed_scene};
-use folder::Folder;
+
+use crate::binary::ashfall;
+use crate::common::drawing::{Device, computed_scene};
+use crate::folder::Folder;
+use crate::scene::{SCENE, read, render};
 
 fn mono(size: [u32; 2]) -> SceneData {
     let overrides = Overrides { size: Some(size), level_max: Some(0), ..Overrides::default() };
@@ -50,39 +46,6 @@ fn an_eye_far_off_the_axis_sees_the_same_in_pages_as_directly() {
     device.finish();
 }
 
-const SCENE: &str = r#"
-format = 1
-[[volume]]
-name = "shells"
-source = { computed = "shells", size = [96, 96, 96] }
-spacing = [0.01, 0.01, 0.01]
-[[volume.channel]]
-window = [0.0, 1.0]
-transfer = [{ at = 0.2, color = [0.2, 0.7, 0.4], extinction = 0.0 }, { at = 1.0, color = [1.0, 0.8, 0.3], extinction = 12.0 }]
-[[view]]
-name = "front"
-eye = [1.9, -1.2, 1.3]
-target = [0.48, 0.48, 0.48]
-up = [0.0, 0.0, 1.0]
-fov_degrees = 40.0
-"#;
-
-fn render(folder: &Folder, scene: &Path, name: &str, flags: &[&str]) -> serde_json::Value {
-    let output = folder.path(name);
-    let fixed = ["--size", "100x70", "--addressing", "paged", "--validate", "--json"];
-    let run = ashfall(
-        ["render".into(), scene.as_os_str().to_owned(), "-o".into(), output.into()]
-            .into_iter()
-            .chain(fixed.iter().chain(flags).map(Into::into)),
-    );
-    assert_eq!(run.code, Some(0), "{}", run.stderr);
-    serde_json::from_str(&run.stdout).expect("JSON")
-}
-
-fn read(folder: &Folder, name: &str) -> Picture {
-    ashfall::cli::read_exr(&folder.path(name)).unwrap_or_else(|why| panic!("{why}"))
-}
-
 #[test]
 fn joined_pictures_are_those_of_both_eyes() {
     if std::env::var_os("ASHFALL_NO_DEVICE").is_some() {
@@ -91,7 +54,9 @@ fn joined_pictures_are_those_of_both_eyes() {
     let folder = Folder::new("stereo");
     let scene = folder.write("scene.toml", SCENE);
     let eyes = ["--eye-separation", "0.2", "--screen-distance", "2"];
-    let with = |how: &'static str| [&["--stereo", how][..], &eyes].concat();
+    let with = |how: &'static str| {
+        [&["--size", "100x70", "--addressing", "paged", "--stereo", how][..], &eyes].concat()
+    };
     let pair = render(&folder, &scene, "eye.exr", &with("pair"));
     assert_eq!(pair["views"][1]["view"], "front-right");
     let [left, right] = ["eye-front-left.exr", "eye-front-right.exr"].map(|eye| read(&folder, eye));
