@@ -7,8 +7,14 @@ mod folder;
 #[cfg(all(feature = "viewer", target_os = "linux"))]
 #[path = "viewer/desktop.rs"]
 mod desktop;
+#[cfg(all(feature = "viewer", target_os = "linux"))]
+#[path = "viewer/files.rs"]
+mod files;
 #[path = "viewer/live.rs"]
 mod live;
+#[cfg(all(feature = "viewer", target_os = "linux"))]
+#[path = "viewer/many_windows.rs"]
+mod many_windows;
 #[cfg(all(feature = "viewer", target_os = "linux"))]
 #[path = "viewer/pictures.rs"]
 mod pictures;

@@ -10,7 +10,7 @@ use crate::cli::render::file_of_view;
 use crate::cli::scene_flags::{DeviceFlags, SceneFlags, WorkFlags, shader_compiler};
 use crate::cli::stereo_flags::StereoFlags;
 use crate::cli::trace_file::write_trace;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::render::Addressing;
 use crate::scene::{Refine, Wall};
 use crate::viewer::error_meter::ErrorMeter;
@@ -37,6 +37,9 @@ pub struct Arguments {
     /// Write what the window did as JSON when it is closed: frames, times, idle submits.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+    /// Panels and their text so many times as large; default: what WINIT_X11_SCALE_FACTOR says, else 1.
+    #[arg(long, value_name = "FACTOR")]
+    panel_scale: Option<f32>,
     /// A window for each screen of a wall (.toml, see docs/VIEWER.md), and one to steer with.
     #[arg(long, value_name = "FILE", conflicts_with = "stereo", help_heading = "Wall")]
     wall: Option<PathBuf>,
@@ -50,6 +53,8 @@ pub struct Arguments {
 
 /// Opens the window and waits until it is closed.
 pub fn run(arguments: &Arguments) -> Result<()> {
+    let panel_scale = panel_scale(arguments)?;
+    count_pixels();
     let mut settings = arguments.work.settings()?;
     settings.addressing = Addressing::Paged;
     settings.tile = [viewer::PICTURE_EDGE_MAX; 2];
@@ -99,11 +104,46 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         live: Live::new(&gpu, shader_compiler(), data, settings)?,
         gpu: gpu.clone(),
         panels: arguments.panels,
+        panel_scale,
     })?;
     if let Some(file) = &arguments.report {
         write_json(file, &report)?;
     }
     DeviceFlags::heed_validation(&gpu)
+}
+
+/// Where winit reads how many pixels a point has.
+const SCALE_OF_WINIT: &str = "WINIT_X11_SCALE_FACTOR";
+
+fn panel_scale(arguments: &Arguments) -> Result<f32> {
+    let of_desktop = || std::env::var(SCALE_OF_DESKTOP).ok()?.parse().ok();
+    let scale = arguments.panel_scale.or_else(of_desktop).unwrap_or(1.0);
+    match (0.25..=8.0).contains(&scale) {
+        true => Ok(scale),
+        false => Err(Error::arguments(format!("--panel-scale: must be 0.25 to 8, got {scale}"))),
+    }
+}
+
+/// What the desktop's scale was before [`count_pixels`].
+const SCALE_OF_DESKTOP: &str = "ASHFALL_DESKTOP_SCALE";
+
+/// Has X11 count in pixels: egui-ash 0.4 paints panels right only where a point is a pixel, times egui's own zoom,
+/// which [`panel_scale`] sets. The process becomes itself anew, since threads may read the environment already.
+fn count_pixels() {
+    #[cfg(target_os = "linux")]
+    {
+        use std::os::unix::process::CommandExt;
+
+        let scale = std::env::var(SCALE_OF_WINIT).unwrap_or_default();
+        let Some(program) = std::env::current_exe().ok().filter(|_| scale != "1") else { return };
+        let mut command = std::process::Command::new(program);
+        command.args(std::env::args_os().skip(1)).env(SCALE_OF_WINIT, "1");
+        if !scale.is_empty() {
+            command.env(SCALE_OF_DESKTOP, scale);
+        }
+        // Where that cannot be, panels are as egui-ash paints them.
+        let _ = command.exec();
+    }
 }
 
 fn panels(text: &str) -> std::result::Result<PanelsAtFirst, String> {

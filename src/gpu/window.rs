@@ -7,7 +7,9 @@
 use std::sync::Arc;
 
 use ash::vk;
-use egui_ash::raw_window_handle::{HasRawDisplayHandle, HasRawWindowHandle};
+use egui_ash::raw_window_handle::{
+    HasRawDisplayHandle, HasRawWindowHandle, RawDisplayHandle, RawWindowHandle,
+};
 use egui_ash::{EguiCommand, ImageRegistry, SwapchainUpdateInfo};
 
 use crate::error::{Error, Result};
@@ -19,11 +21,40 @@ use crate::gpu::windows::{FRAMES, WHOLE, Windows, change_layout};
 /// One window's surface.
 pub struct WindowSurface {
     windows: Arc<Windows>,
+    handles: Handles,
     surface: vk::SurfaceKHR,
     swapchain: Option<Swapchain>,
     frames: [Frame; FRAMES],
     next: usize,
     picture: WindowPicture,
+}
+
+/// A window's own names.
+#[derive(Clone, Copy)]
+struct Handles {
+    display: RawDisplayHandle,
+    window: RawWindowHandle,
+}
+
+// SAFETY: they name a window and are handed to Vulkan alone, which may be called from any thread.
+unsafe impl Send for Handles {}
+
+impl Handles {
+    /// # Safety
+    /// The window is alive.
+    unsafe fn surface(self, windows: &Windows) -> std::result::Result<vk::SurfaceKHR, vk::Result> {
+        let instance = &windows.gpu.instance;
+        // SAFETY: the caller says so.
+        unsafe {
+            ash_window::create_surface(
+                &instance.entry,
+                &instance.raw,
+                self.display,
+                self.window,
+                None,
+            )
+        }
+    }
 }
 
 struct Frame {
@@ -56,17 +87,11 @@ impl WindowSurface {
         registry: ImageRegistry,
     ) -> Result<WindowSurface> {
         let gpu = &windows.gpu;
+        let handles =
+            Handles { display: window.raw_display_handle(), window: window.raw_window_handle() };
         // SAFETY: both handles are those of a living window, which the caller keeps.
-        let surface = unsafe {
-            ash_window::create_surface(
-                &gpu.instance.entry,
-                &gpu.instance.raw,
-                window.raw_display_handle(),
-                window.raw_window_handle(),
-                None,
-            )
-        }
-        .map_err(|why| vulkan_failed("making a window's surface", why))?;
+        let surface = unsafe { handles.surface(windows) }
+            .map_err(|why| vulkan_failed("making a window's surface", why))?;
         let family = gpu.queue_of(RoleKind::Render).0;
         // SAFETY: the surface was made of this instance.
         let presents = unsafe {
@@ -86,6 +111,7 @@ impl WindowSurface {
         })?;
         Ok(WindowSurface {
             windows: windows.clone(),
+            handles,
             surface,
             swapchain: None,
             frames,
@@ -154,6 +180,10 @@ impl WindowSurface {
                 self.drop_swapchain()?;
                 return Ok(false);
             }
+            Err(vk::Result::ERROR_SURFACE_LOST_KHR) => {
+                self.remake_surface()?;
+                return Ok(false);
+            }
             Err(why) => return Err(vulkan_failed("asking for a window's image", why)),
         };
         let begin = vk::CommandBufferBeginInfo::builder()
@@ -197,6 +227,10 @@ impl WindowSurface {
                 self.drop_swapchain()?;
                 Ok(true)
             }
+            Err(vk::Result::ERROR_SURFACE_LOST_KHR) => {
+                self.remake_surface()?;
+                Ok(false)
+            }
             Err(why) => Err(vulkan_failed("showing a window", why)),
         }
     }
@@ -215,6 +249,19 @@ impl WindowSurface {
             // SAFETY: nothing painted is under way; presenting has no fence, and ends with the queue.
             unsafe { swapchain.destroy(&self.windows) };
         }
+        Ok(())
+    }
+
+    /// The desktop took the surface away, as on another monitor or after a sleep; the window is still there.
+    fn remake_surface(&mut self) -> Result<()> {
+        self.drop_swapchain()?;
+        // SAFETY: its swapchain is gone, and the window lives longer than this.
+        self.surface = unsafe {
+            self.windows.surfaces.destroy_surface(self.surface, None);
+            self.surface = vk::SurfaceKHR::null();
+            self.handles.surface(&self.windows)
+        }
+        .map_err(|why| vulkan_failed("making a window's surface again", why))?;
         Ok(())
     }
 

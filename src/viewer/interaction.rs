@@ -6,15 +6,17 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::{Gpu, ShaderCompiler};
 use crate::render::{SceneData, Settings};
+use crate::scene::CameraPath;
 use crate::viewer::{Camera, Live, Shown};
 
 /// What is measured.
 #[derive(Clone, Debug)]
 pub struct Effort {
-    /// Steps of the path: a turn around the volume's middle by a degree and a half each, and a little nearer.
+    /// Steps of the path: the scene's, or a turn around the volume's middle by a degree and a half each, and a
+    /// little nearer.
     pub steps: u32,
     /// Atlases, MiB.
     pub atlases_mib: Vec<u64>,
@@ -102,7 +104,15 @@ fn along_path(
 ) -> Result<InteractionRow> {
     let mut scene = data.scene.clone();
     scene.memory.atlas_mib = atlas_mib;
-    let mut camera = Camera::new(scene.views[0].clone(), data.middle_world(0));
+    let middle = data.middle_world(0);
+    let mut camera = Camera::new(scene.views[0].clone(), middle);
+    // A scene that says a path is gone along it.
+    let frames = match scene.path.clone() {
+        None => Vec::new(),
+        Some(path) => CameraPath { frames: steps + 1, ..path }
+            .frames(&scene.views, middle)
+            .map_err(|why| Error::input(format!("[path]: {why}")))?,
+    };
     let mut waits = Vec::new();
     let mut row = InteractionRow {
         atlas_mib,
@@ -119,7 +129,9 @@ fn along_path(
     let mut last_wish = Instant::now();
     let mut last = Shown::default();
     for step in 0..=steps {
-        if step > 0 {
+        if let Some(frame) = frames.get(step as usize) {
+            camera.go_to(frame.clone(), middle);
+        } else if step > 0 {
             camera.orbit(1.5f64.to_radians(), 0.3f64.to_radians());
             camera.zoom(1.01);
         }

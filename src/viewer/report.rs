@@ -9,6 +9,9 @@ pub struct Report {
     pub first_picture_ms: Option<f64>,
     /// Frames that were painted into the window.
     pub frames: u64,
+    /// What they took, milliseconds, from the turn at the queue to its end: the middle one, the 95th of 100, and
+    /// the worst, of the last 10,000.
+    pub frame_ms: [f32; 3],
     /// Of them, those with a new picture of the volume.
     pub pictures: u64,
     /// Scenes that were asked for: what moved or was set.

@@ -1,5 +1,6 @@
 //! The window's loop: input, panels, the newest picture, and sleep.
 
+use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -18,7 +19,7 @@ use crate::gpu::{EguiAllocator, Gpu, Turn, WindowSurface, Windows};
 use crate::scene::Scene;
 use crate::viewer::distances::Distances;
 use crate::viewer::error_meter::{ErrorMeter, Measured};
-use crate::viewer::panels::{Doing, FileNames, Panels, WIDTH};
+use crate::viewer::panels::{Doing, FileNames, Panels, PanelsAtFirst, WIDTH};
 use crate::viewer::path_walk::PathWalk;
 use crate::viewer::request::{Files, Request};
 use crate::viewer::screens::Screens;
@@ -53,11 +54,13 @@ pub fn show(request: Request) -> Result<Report> {
     let windows = Windows::new(&request.gpu)?;
     let render_state = Mutex::new(Some(windows.render_state()?));
     let [width, height] = request.size.map(|edge| edge as f32);
+    let panels =
+        if request.panels == PanelsAtFirst::None { 0.0 } else { WIDTH * request.panel_scale };
     let viewport = egui::ViewportBuilder::default()
         .with_title(request.title.clone())
         .with_app_id("ashfall")
-        .with_inner_size([width + WIDTH, height])
-        .with_min_inner_size([WIDTH + 64.0, 64.0]);
+        .with_inner_size([width + panels, height])
+        .with_min_inner_size([panels + 64.0, 64.0]);
     let options = RunOption {
         viewport_builder: Some(viewport),
         follow_system_theme: false,
@@ -133,6 +136,7 @@ impl AppCreator<EguiAllocator> for Creator {
             }
         };
         close_on_signals(&context.exit_signal);
+        context.context.set_zoom_factor(request.panel_scale);
         let begin = request.scene.views[0].clone();
         let begin = match &request.screens {
             Screens::Wall(wall) => wall.base(&begin),
@@ -198,7 +202,12 @@ pub struct Work {
     pub picture: Option<Arc<Vec<u8>>>,
     /// Frames painted so far.
     pub frames: u64,
+    /// Milliseconds that the last of them took: egui's part, and ours.
+    pub frames_ms: VecDeque<f32>,
 }
+
+/// Frames whose times are kept.
+const FRAMES_KEPT: usize = 10_000;
 
 pub(super) struct Viewer {
     // Dropped in this order: the threads, the surfaces, and at last the device.
@@ -448,6 +457,10 @@ impl Viewer {
         report.idle_submits = self.gpu.submits() - submits;
         let number = self.wanted.as_ref().map(|wanted| wanted.number);
         report.converged = self.shown.converged && Some(self.shown.scene) == number;
+        let mut frames_ms: Vec<f32> = lock(&self.work).frames_ms.iter().copied().collect();
+        frames_ms.sort_by(f32::total_cmp);
+        let of = |part: usize| frames_ms.get(frames_ms.len().saturating_sub(1) * part / 100);
+        report.frame_ms = [50, 95, 100].map(|part| of(part).copied().unwrap_or(0.0));
         report.error_db = self.measured.error.map(|error| error.psnr_db);
         let view = self.camera.view();
         let target = self.camera.pivot();
@@ -557,14 +570,18 @@ impl Viewer {
         surface: Option<Arc<Mutex<WindowSurface>>>,
         work: Arc<Mutex<Work>>,
     ) -> HandleRedraw {
-        let (outcome, exit) = (self.outcome.clone(), self.exit.clone());
+        let (outcome, exit, begun) = (self.outcome.clone(), self.exit.clone(), Instant::now());
         HandleRedraw::Handle(Box::new(move |size, egui| {
             let mut work = lock(&work);
             let Some(surface) = surface.filter(|_| work.paints) else { return };
             let picture = work.picture.take();
             let bytes = picture.as_ref().map(|bytes| &bytes[..]);
             match lock(&surface).paint([size.width, size.height], egui, bytes) {
-                Ok(true) => work.frames += 1,
+                Ok(true) => {
+                    work.frames += 1;
+                    work.frames_ms.truncate(FRAMES_KEPT - 1);
+                    work.frames_ms.push_front(begun.elapsed().as_secs_f32() * 1e3);
+                }
                 // Nothing to paint into: what is new stays so.
                 Ok(false) => work.picture = picture,
                 Err(why) => {

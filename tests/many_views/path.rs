@@ -83,3 +83,46 @@ fn what_is_no_path_is_refused() {
         assert!(run.stderr.contains(words), "{flags:?}: {}", run.stderr);
     }
 }
+
+/// Eleven views as of a display without glasses: what they share is loaded once, and what a view reads back does
+/// not grow (gpu-paging-2019).
+#[test]
+fn eleven_views_load_little_more_than_one() {
+    if std::env::var_os("ASHFALL_NO_DEVICE").is_some() {
+        return;
+    }
+    let folder = Folder::new("path");
+    let views = |from: f64, to: f64| {
+        let view = |name: &str, aside: f64| {
+            let eye = [1.9 + 0.6 * aside, -1.2 + 0.7 * aside, 1.3];
+            format!(
+                "[[view]]\nname = \"{name}\"\neye = {eye:?}\ntarget = [0.48, 0.48, 0.48]\nup = [0.0, 0.0, 1.0]\nfov_degrees = 40.0\n"
+            )
+        };
+        let head = &SCENE[..SCENE.find("[[view]]").expect("a view")];
+        format!("{head}{}{}", view("left", from), view("right", to))
+    };
+    let scene = folder.write("scene.toml", views(-0.25, 0.25));
+    let flags =
+        ["--size", "160x120", "--addressing", "paged", "--level-max", "0", "--path", "--frames"];
+    let of = |frames: &'static str| {
+        let results = render(&folder, &scene, "view.exr", &[&flags[..], &[frames]].concat());
+        let views = results["views"].as_array().expect("views").clone();
+        let count = |key: &str| -> Vec<u64> {
+            views.iter().map(|view| view[key].as_u64().expect("a count")).collect()
+        };
+        (count("bricks_uploaded"), count("bytes_read_back"))
+    };
+    let (one, read_by_one) = of("1");
+    let (eleven, read_by_eleven) = of("11");
+    let (all, read) = (eleven.iter().sum::<u64>(), read_by_eleven.iter().sum::<u64>());
+    println!(
+        "bricks: one view {}, eleven {all}, {:.2} times; bytes read back: {} and {read}, {:.2} times, {read_by_eleven:?}",
+        one[0],
+        all as f64 / one[0] as f64,
+        read_by_one[0],
+        read as f64 / read_by_one[0] as f64
+    );
+    assert!(one[0] > 20 && all as f64 <= 1.5 * one[0] as f64, "{eleven:?}");
+    assert!(read_by_eleven[1..].iter().all(|bytes| *bytes < read_by_one[0]));
+}

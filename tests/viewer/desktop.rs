@@ -103,6 +103,18 @@ impl Desktop {
         self.fake(x11rb::protocol::xproto::BUTTON_RELEASE_EVENT, button, [0; 2]);
     }
 
+    /// Clicks so many times, quickly.
+    pub fn click(&self, button: u8, at: [i16; 2], times: u32) {
+        self.move_to(at);
+        std::thread::sleep(Duration::from_millis(100));
+        for _ in 0..times {
+            self.fake(x11rb::protocol::xproto::BUTTON_PRESS_EVENT, button, [0; 2]);
+            std::thread::sleep(Duration::from_millis(30));
+            self.fake(x11rb::protocol::xproto::BUTTON_RELEASE_EVENT, button, [0; 2]);
+            std::thread::sleep(Duration::from_millis(30));
+        }
+    }
+
     /// Presses keys one after the other, and lets go of them.
     pub fn keys(&self, keysyms: &[u32]) {
         for keysym in keysyms {
@@ -155,6 +167,13 @@ impl Desktop {
         self.connection
             .set_input_focus(InputFocus::PARENT, window, x11rb::CURRENT_TIME)
             .expect("asked");
+        self.connection.flush().expect("sent");
+    }
+
+    /// Moves a window to a place of the desktop.
+    pub fn place(&self, window: Window, [x, y]: [i32; 2]) {
+        let place = ConfigureWindowAux::new().x(x).y(y);
+        self.connection.configure_window(window, &place).expect("asked");
         self.connection.flush().expect("sent");
     }
 

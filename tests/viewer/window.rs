@@ -13,7 +13,7 @@ const DB_MIN: f64 = 45.0;
 const SIZE: [u32; 2] = [220, 160];
 
 /// A computed volume, seen from here.
-fn scene_text([eye, target, up]: [[f64; 3]; 3]) -> String {
+pub fn scene_text([eye, target, up]: [[f64; 3]; 3]) -> String {
     format!(
         "format = 1\n\
          [picture]\nbackground = [0.02, 0.03, 0.05]\n\
@@ -27,7 +27,7 @@ fn scene_text([eye, target, up]: [[f64; 3]; 3]) -> String {
     )
 }
 
-const BEGIN: [[f64; 3]; 3] = [[1.9, -1.2, 1.3], [0.48, 0.48, 0.48], [0.0, 0.0, 1.0]];
+pub const BEGIN: [[f64; 3]; 3] = [[1.9, -1.2, 1.3], [0.48, 0.48, 0.48], [0.0, 0.0, 1.0]];
 
 /// `ashfall view` of a scene on a desktop.
 struct View<'d> {
@@ -80,7 +80,7 @@ pub fn view(scene: &Path, display: &str, size: [u32; 2]) -> Command {
     command
 }
 
-fn has_no_device() -> bool {
+pub fn has_no_device() -> bool {
     std::env::var_os("ASHFALL_NO_DEVICE").is_some()
 }
 
@@ -120,7 +120,7 @@ impl Closed {
     }
 }
 
-fn read_png(path: &Path) -> Shot {
+pub fn read_png(path: &Path) -> Shot {
     let file = std::io::BufReader::new(std::fs::File::open(path).expect("a picture"));
     let mut reader = png::Decoder::new(file).read_info().expect("a PNG");
     let mut bytes = vec![0; reader.output_buffer_size().expect("a size")];
