@@ -15,6 +15,8 @@ mod live;
 #[cfg(all(feature = "viewer", target_os = "linux"))]
 #[path = "viewer/many_windows.rs"]
 mod many_windows;
+#[path = "viewer/overview.rs"]
+mod overview;
 #[cfg(all(feature = "viewer", target_os = "linux"))]
 #[path = "viewer/pictures.rs"]
 mod pictures;

@@ -60,7 +60,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    Render(render::Arguments),
+    Render(Box<render::Arguments>),
     #[cfg(feature = "viewer")]
     View(Box<view::Arguments>),
     Plan(plan::Arguments),

@@ -69,6 +69,7 @@ impl TraceFile {
 ///
 /// # Errors
 /// As [`TraceFile::create`] and [`TraceFile::write`].
+#[cfg(feature = "viewer")]
 pub fn write_trace(path: &Path, trace: &Trace) -> Result<()> {
     TraceFile::create(path)?.write(trace)
 }

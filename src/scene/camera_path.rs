@@ -212,12 +212,11 @@ mod tests {
             let path = CameraPath { frames, closed: true, ..CameraPath::default() };
             let all = path.frames(&views, DVec3::ZERO).expect("a way");
             let eye = |at: usize| all[at % all.len()].eye;
-            for at in 0..all.len() {
+            for (at, view) in all.iter().enumerate() {
                 let step = eye(at + 1) - eye(at);
                 let next = eye(at + 2) - eye(at + 1);
                 assert!(step.length() < 60.0 / f64::from(frames));
                 assert!((next - step).length() < 2e3 / f64::from(frames).powi(2), "{at}");
-                let view = &all[at];
                 let aside = (-view.eye).normalize().cross(view.forward).length();
                 assert!(aside < 1e-9);
             }

@@ -142,7 +142,7 @@ impl View {
         let across = (to.dot(self.right) / scale - left) / (right - left);
         let down = (top - to.dot(self.up) / scale) / (top - bottom);
         let [width, height] = pixels.of.map(f64::from);
-        (scale > 0.0).then(|| [across * width, down * height])
+        (scale > 0.0).then_some([across * width, down * height])
     }
 
     /// The rays, in world space, of a picture of `size` pixels (across, down). A part's pixels count from the

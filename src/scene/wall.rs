@@ -211,7 +211,8 @@ impl Screen {
                 return Err(refuse(format!("rotation must be 0, 90, 180 or 270, got {other}")));
             }
         };
-        let size = if quarter_turns % 2 == 0 { [across, down] } else { [down, across] };
+        let own = [across, down];
+        let size = turned(own, quarter_turns);
         let overlap = file.overlap.unwrap_or([0; 4]);
         let [left, right, top, bottom] =
             overlap.map(|pixels| u32::try_from(pixels).unwrap_or(u32::MAX));
@@ -257,7 +258,7 @@ impl Screen {
         ];
         let axes = DMat3::from_cols(across, upwards, normal);
         let seen = Seen { axes, bounds, size };
-        let (part, own) = (Part::whole(size), pixels_of_own(size, quarter_turns));
+        let part = Part::whole(size);
         let overlap = [left, right, top, bottom];
         let window = file.window;
         let screen = Screen { name, size: own, quarter_turns, overlap, window, axes, bounds, part };
@@ -265,9 +266,9 @@ impl Screen {
     }
 }
 
-/// A screen's own pixels across and down, where it is seen as `size`.
-fn pixels_of_own([width, height]: [u32; 2], quarter_turns: u8) -> [u32; 2] {
-    if quarter_turns % 2 == 0 { [width, height] } else { [height, width] }
+/// Pixels across and down of what was `size` before it was turned.
+fn turned([width, height]: [u32; 2], quarter_turns: u8) -> [u32; 2] {
+    if quarter_turns.is_multiple_of(2) { [width, height] } else { [height, width] }
 }
 
 fn place(of: [f64; 3]) -> Option<DVec3> {

@@ -36,6 +36,15 @@ pub struct Wanted {
     pub wider: u32,
 }
 
+/// The picture of a window beside the first.
+#[derive(Clone, Debug)]
+pub struct SidePicture {
+    /// Pixels across and down.
+    pub size: [u32; 2],
+    /// As the window shows them, [`srgb_bytes`].
+    pub bytes: Arc<Vec<u8>>,
+}
+
 /// What was drawn last.
 #[derive(Clone, Default)]
 pub struct Shown {
@@ -43,8 +52,8 @@ pub struct Shown {
     pub picture: Option<Arc<Picture>>,
     /// The same as a window shows it, [`srgb_bytes`].
     pub bytes: Arc<Vec<u8>>,
-    /// Size and bytes of the other windows' pictures.
-    pub others: Arc<Vec<([u32; 2], Arc<Vec<u8>>)>>,
+    /// Of the other windows.
+    pub others: Vec<SidePicture>,
     /// Counts pictures.
     pub number: u64,
     /// Number of the scene that it shows, as [`Live::want`] gave it.
@@ -322,11 +331,12 @@ impl DrawnViews<'_> {
         let Some(pictures) = pictures else { return };
         let (picture, others) = self.wanted.screens.of_windows(&pictures, self.wanted.wider);
         let bytes = Arc::new(srgb_bytes(&picture));
-        let others = others.iter().map(|of| (of.size, Arc::new(srgb_bytes(of)))).collect();
+        let side = |of: &Picture| SidePicture { size: of.size, bytes: Arc::new(srgb_bytes(of)) };
+        let others = others.iter().map(side).collect();
         self.shared.show(|shown| {
             shown.picture = Some(Arc::new(picture));
             shown.bytes = bytes;
-            shown.others = Arc::new(others);
+            shown.others = others;
             shown.scene = self.number;
             change(shown);
         });

@@ -40,6 +40,8 @@ struct Hand {
     held: bool,
     closes: bool,
     settling: u32,
+    /// Pixels of the window.
+    size: [u32; 2],
 }
 
 impl Side {
@@ -55,6 +57,7 @@ impl Side {
                 held: false,
                 closes: false,
                 settling: SETTLING_FRAMES,
+                size: [0; 2],
             })),
             surface: None,
             work: Arc::default(),
@@ -103,13 +106,13 @@ impl Side {
         camera: &Camera,
         held: bool,
     ) -> Result<SideDid> {
-        if let (Some(surface), Some((size, bytes))) = (&self.surface, shown.others.get(index))
+        if let (Some(surface), Some(picture)) = (&self.surface, shown.others.get(index))
             && shown.number != self.number
         {
             self.number = shown.number;
-            // Pixels of the picture are not always the window's.
-            let texture = lock(surface).texture(*size, true)?;
-            lock(&self.work).picture = Some(bytes.clone());
+            let smooth = lock(&self.hand).size != picture.size;
+            let texture = lock(surface).texture(picture.size, smooth)?;
+            lock(&self.work).picture = Some(picture.bytes.clone());
             let mut hand = lock(&self.hand);
             hand.texture = Some(texture);
             hand.settling = SETTLING_FRAMES;
@@ -158,6 +161,8 @@ impl Hand {
         let frame = egui::Frame::none().fill(egui::Color32::BLACK);
         egui::CentralPanel::default().frame(frame).show(context, |ui| {
             let area = ui.available_rect_before_wrap();
+            let pixels = area.size() * context.pixels_per_point();
+            self.size = [pixels.x, pixels.y].map(|edge| edge.round() as u32);
             let response = ui.allocate_rect(area, egui::Sense::click_and_drag());
             if !self.held {
                 self.moved |= steer(context, &response, &mut self.camera, area.height());

@@ -24,7 +24,7 @@ fn corner(column: u32, row: u32) -> [f64; 3] {
 fn screen(name: &str, [left, width, top, height]: [u32; 4], turns: u32, more: &str) -> String {
     let corners =
         [[left, top], [left + width, top], [left, top + height]].map(|[x, y]| corner(x, y));
-    let own = if turns % 2 == 0 { [width, height] } else { [height, width] };
+    let own = if turns.is_multiple_of(2) { [width, height] } else { [height, width] };
     let rotation = 90 * turns;
     format!(
         "[[screen]]\nname = \"{name}\"\nsize = {own:?}\ncorners = {corners:?}\nrotation = {rotation}\n{more}\n"
