@@ -35,6 +35,10 @@ const MOVING_MS: f64 = 120.0;
 const PIXELS_WIDER_MAX: u32 = 8;
 /// How long the loop sleeps when there is nothing to do: so long may input wait.
 const NAP: Duration = Duration::from_millis(8);
+/// And when there was nothing to do for a while.
+const LONG_NAP: Duration = Duration::from_millis(24);
+/// That is a while.
+const WHILE: Duration = Duration::from_secs(2);
 /// egui settles what an input changed within so many frames.
 pub(super) const SETTLING_FRAMES: u32 = 3;
 
@@ -518,7 +522,8 @@ impl App for Viewer {
                     self.last_paint = (Instant::now(), self.gpu.submits());
                 } else {
                     drop(outcome);
-                    std::thread::sleep(NAP);
+                    let rested = self.last_paint.0.elapsed() > WHILE;
+                    std::thread::sleep(if rested { LONG_NAP } else { NAP });
                 }
             }
             Event::AppEvent { event: AppEvent::LoopExiting } => {

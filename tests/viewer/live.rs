@@ -4,9 +4,9 @@ use std::time::{Duration, Instant};
 
 use ashfall::gpu::ShaderCompiler;
 use ashfall::passes::SOURCES;
-use ashfall::render::{Addressing, SceneData, Settings, srgb_bytes};
+use ashfall::render::{Addressing, SceneData, Settings, StereoLayout, srgb_bytes};
 use ashfall::scene::{Overrides, Refine, Scene};
-use ashfall::viewer::{Camera, Live, PICTURE_EDGE_MAX, Shown};
+use ashfall::viewer::{Camera, EyesLayout, Live, PICTURE_EDGE_MAX, Screens, Shown, Wanted};
 use glam::DVec3;
 
 use crate::binary::ashfall;
@@ -94,6 +94,63 @@ fn the_last_scene_wanted_is_shown_exactly() {
         live.want(wanted.clone());
         assert_is_render_of(&device, &live.converged(), &wanted);
     }
+    device.finish();
+}
+
+/// A hand that never rests: bricks come all the same, and what is seen is not the coarsest level for good.
+#[test]
+fn bricks_come_while_the_camera_never_rests() {
+    let Some(device) = Device::open() else { return };
+    let (live, mut wanted) = live(&device, false);
+    let mut camera = Camera::new(wanted.views[0].clone(), DVec3::splat(0.5));
+    let mut slots = Vec::new();
+    let mut number = live.want(wanted.clone());
+    for _ in 0..40 {
+        let begun = Instant::now();
+        while live.shown().scene < number {
+            assert!(begun.elapsed() < Duration::from_secs(60), "no picture");
+            std::thread::yield_now();
+        }
+        camera.orbit(0.01, 0.002);
+        wanted.views[0] = camera.view().clone();
+        number = live.want(wanted.clone());
+        slots.push(live.shown().cache.slots.iter().flatten().count());
+    }
+    let in_the_end = live.converged().cache.slots.iter().flatten().count();
+    println!("slots in use, step by step: {slots:?}, at rest {in_the_end}");
+    assert!(slots[39] * 2 > in_the_end && in_the_end > 15, "{slots:?}, {in_the_end}");
+    device.finish();
+}
+
+/// Two eyes and four screens: every picture that is shown is of all of them at one moment, and the finished one is
+/// what `render` draws of each.
+#[test]
+fn pictures_of_several_views_come_together() {
+    let Some(device) = Device::open() else { return };
+    let (live, wanted) = live(&device, false);
+    let layout = EyesLayout::Joined(StereoLayout::SideBySide);
+    let screens = Screens::Eyes { layout, separation: Some(0.3), distance: Some(2.0) };
+    let mut camera = Camera::new(wanted.views[0].clone(), DVec3::splat(0.5));
+    let size = screens.picture_size([160, 60], 1);
+    assert_eq!(size, [80, 60]);
+    let mut scene_of = wanted.clone();
+    scene_of.picture.size = size;
+    for _ in 0..10 {
+        camera.orbit(0.05, 0.01);
+        let views = screens.views(camera.view(), camera.distance(), [160, 60], 1);
+        scene_of.views = views.expect("eyes");
+        live.want_on(Wanted { scene: scene_of.clone(), screens: screens.clone(), wider: 1 });
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let shown = live.converged();
+    assert!(shown.error.is_none() && shown.lacks.is_empty(), "{:?}", shown.error);
+    let mut data = scene(size).again(scene_of).expect("drawable");
+    data.scene.quality.refine = Refine::Exact;
+    let [left, right] = [0, 1].map(|eye| device.draw_with(&data, eye, &settings(true)).picture);
+    assert!(left != right);
+    let joined = StereoLayout::SideBySide.joined(&left, &right);
+    assert!(**shown.picture.as_ref().expect("a picture") == joined);
+    drop(live);
     device.finish();
 }
 

@@ -263,3 +263,48 @@ fn no_display_is_told_in_a_sentence() {
         assert!(!run.stderr.contains("panicked"), "{}", run.stderr);
     }
 }
+
+/// Frames of a path played in the window, with panels and without.
+#[test]
+#[ignore = "a minute: what panels cost, for docs/MEASUREMENTS.md"]
+fn what_panels_cost() {
+    let desktop = Desktop::start([1100, 700]);
+    let folder = Folder::new("view");
+    let [_, target, up] = BEGIN;
+    let more = format!(
+        "[[view]]\nname = \"side\"\neye = [-0.9, -1.2, 1.3]\ntarget = {target:?}\nup = {up:?}\nfov_degrees = 40.0\n"
+    );
+    let scene = folder.write("scene.toml", scene_text(BEGIN) + &more);
+    for turn in 0..3 {
+        for panels in ["none", "some", "all"] {
+            let report = folder.path("report.json");
+            let child = view(&scene, &desktop.display, [640, 480])
+                .args(["--panels", panels, "--report"])
+                .arg(&report)
+                .spawn()
+                .expect("the binary runs");
+            let window = desktop.window("scene.toml");
+            desktop.still(STILL);
+            desktop.focus(window);
+            desktop.keys(&[u32::from(b'p')]);
+            std::thread::sleep(Duration::from_secs(5));
+            desktop.still(STILL);
+            desktop.close(window);
+            let run = Run::of(child.wait_with_output().expect("an end"));
+            assert_eq!(run.code, Some(0), "{}", run.stderr);
+            let text = std::fs::read_to_string(&report).expect("a report");
+            let report: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+            let mut waits: Vec<f64> =
+                serde_json::from_value(report["input_ms"].clone()).expect("numbers");
+            waits.sort_by(f64::total_cmp);
+            println!(
+                "turn {turn}, panels {panels}: {} frames, {} pictures, a frame {} ms (median, p95, worst), step to picture {:.0} ms (median of {})",
+                report["frames"],
+                report["pictures"],
+                report["frame_ms"],
+                waits[waits.len() / 2],
+                waits.len()
+            );
+        }
+    }
+}
