@@ -41,6 +41,37 @@ fn pictures_of_the_docs() {
     assert!(shot.part([0, 0], [700, 860]).covered() > 50_000);
     assert!(shot.part([700, 0], [300, 860]).covered() > 100_000);
     write_png(&shot, &to.join("viewer.png"));
-    let all = picture_of("mandelbulb.toml", [500, 1900], &["--panels", "all"]);
-    write_png(&all.part([500, 0], [300, 1900]), &to.join("viewer_panels.png"));
+    let all = picture_of("mandelbulb.toml", [500, 2040], &["--panels", "all"]);
+    write_png(&all.part([500, 0], [300, 2040]), &to.join("viewer_panels.png"));
+    write_png(&wall(&folder), &to.join("viewer_wall.png"));
+}
+
+/// A wall of three screens, one of them upright and one aslant, and the window to steer with.
+fn wall(folder: &Folder) -> Shot {
+    let text = r#"
+format = 1
+units = "metres"
+eye = [0.0, 0.0, 2.0]
+screen = [
+    { name = "left", size = [210, 240], corners = [[-0.6, 0.4, 0.0], [0.1, 0.4, 0.0], [-0.6, -0.4, 0.0]], window = [320, 20] },
+    { name = "upright", size = [240, 75], rotation = 90, corners = [[0.1, 0.4, 0.0], [0.35, 0.4, 0.0], [0.1, -0.4, 0.0]], window = [320, 280] },
+    { name = "aslant", size = [75, 240], corners = [[0.35, 0.4, 0.0], [0.55, 0.4, 0.15], [0.35, -0.4, 0.0]], window = [540, 20] },
+]
+"#;
+    let file = folder.write("wall.toml", text);
+    let desktop = Desktop::start([640, 380]);
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/demo_scenes/shells.toml");
+    let mut child = view(&scene, &desktop.display, [300, 380])
+        .args(["--panels", "none", "--wall"])
+        .arg(&file)
+        .spawn()
+        .expect("it runs");
+    let window = desktop.window(".toml");
+    for name in ["left", "upright", "aslant"] {
+        desktop.window(name);
+    }
+    let shot = desktop.still(Duration::from_secs(4));
+    desktop.close(window);
+    assert!(child.wait().expect("an end").success());
+    shot
 }

@@ -235,7 +235,7 @@ impl Machine {
         }
         if let Some(statistics) = &shown.statistics {
             ui.label(format!(
-                "last finished: {} rounds, {:.0} ms, {} M samples",
+                "finished: {} rounds, {:.0} ms, {} M samples",
                 statistics.rounds,
                 statistics.wall_ms,
                 statistics.samples / 1_000_000
