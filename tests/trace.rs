@@ -3,6 +3,8 @@
 #[path = "trace/file.rs"]
 mod file;
 mod folder;
+#[path = "trace/summary.rs"]
+mod summary;
 
 mod binary;
 mod common;
@@ -89,6 +91,21 @@ fn check_paged(drawn: &Drawn) {
     for name in ["round", "submit", "report"] {
         assert_eq!(trace.spans("rounds", name).len() as u64, statistics.rounds, "{name}");
     }
+    // Every brick's way, from being wanted to being published, drawn as a flow from track to track.
+    assert_eq!(trace.count_of("published"), statistics.bricks_uploaded);
+    assert_eq!(trace.count_of("staged"), statistics.bricks_uploaded);
+    assert_eq!(trace.flows_finished.len() as u64, statistics.bricks_uploaded);
+    for number in &trace.flows_finished {
+        let flow = &trace.flows[number];
+        let at = |track: &str| flow.iter().position(|(_, of, _)| of.starts_with(track));
+        assert!(flow.len() >= 4 && at("rounds") == Some(0), "{flow:?}");
+        assert!(at("transfer") > Some(0), "{flow:?}");
+    }
+    let sampled = trace.count_of("sampled");
+    assert!(sampled > 12 && sampled <= statistics.bricks_uploaded, "{sampled}");
+    let held = 12 - trace.last("slots free");
+    assert_eq!(trace.count_of("evicted") + held, statistics.bricks_uploaded);
+    assert_eq!(trace.counters["bytes read back"].len() as u64 > 0, statistics.bytes_read_back > 0);
     assert_eq!(trace.last("rays waiting"), statistics.rays_waiting);
     assert_eq!(trace.last("bytes uploaded"), statistics.bytes_uploaded);
     assert_eq!(trace.last("RAM cache bytes"), loading.cache_bytes);
@@ -198,7 +215,7 @@ fn a_trace_is_bounded_and_counts_what_it_dropped() {
     let events = |read: &Read| {
         let spans: usize = read.tracks.values().map(Vec::len).sum();
         let counts: usize = read.counters.values().map(Vec::len).sum();
-        spans + counts
+        spans + counts + read.steps.len()
     };
     assert_eq!(events(&drawn.trace), 100);
     assert_eq!(of(&drawn.trace.about, "events_max"), 100);

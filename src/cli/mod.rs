@@ -30,6 +30,7 @@ mod render;
 mod scene_flags;
 mod stereo_flags;
 mod study;
+mod trace;
 mod trace_file;
 mod verify;
 #[cfg(feature = "viewer")]
@@ -71,6 +72,7 @@ enum Command {
     Info(info::Arguments),
     Verify(verify::Arguments),
     Study(Box<study::Arguments>),
+    Trace(trace::Arguments),
     Bench(bench::Arguments),
 }
 
@@ -113,6 +115,7 @@ fn run(command: Command) -> Result<()> {
         Command::Info(arguments) => info::run(&arguments),
         Command::Verify(arguments) => verify::run(&arguments),
         Command::Study(arguments) => study::run(&arguments),
+        Command::Trace(arguments) => trace::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
     }
 }

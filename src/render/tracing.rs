@@ -3,13 +3,15 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::error::Result;
 use crate::gpu::{Staging, TimePoint};
 use crate::loading::DoneWork;
 use crate::render::paging::{Paged, StagedBrick, slots_by_atlas};
 use crate::render::renderer::Renderer;
 use crate::render::statistics::Statistics;
-use crate::residency::Report;
-use crate::trace::{Counter, Details, Guard, Trace, Track};
+use crate::residency::{OfAtlas, Report};
+use crate::trace::{BrickStep, Counter, Details, Guard, Trace, Track};
+use crate::twins::publish::Update;
 use crate::volume::BrickId;
 
 impl Renderer {
@@ -92,6 +94,8 @@ impl Paged {
         };
         let details = Details::Copy { time_point: point.value, bricks, bytes };
         trace.span(Track::Host, "flush", [begin, Instant::now()], details);
+        let submitted = BrickStep::Submitted(point.value);
+        trace.bricks(staged.iter().map(|brick| (brick.id, submitted)));
         trace.announce_copies(point.value, steps);
         trace.count(Counter::BytesUploaded, self.host.counts.uploaded_bytes + bytes);
         self.staging.take_times().iter().for_each(|times| trace.steps(times));
@@ -103,13 +107,51 @@ impl Paged {
         Some(trace.begin("place", Details::None))
     }
 
-    /// A round has told how it stands.
-    pub(super) fn trace_report(&self, report: &Report) {
+    /// Something happens to bricks now.
+    pub(super) fn trace_bricks(&self, bricks: impl Iterator<Item = (BrickId, BrickStep)>) {
+        if let Some(trace) = &self.trace {
+            trace.bricks(bricks);
+        }
+    }
+
+    /// Rays asked for bricks that are not there, and slots of others were given to the host for them.
+    pub(super) fn trace_wanted(&self) {
         let Some(trace) = &self.trace else { return };
+        let evicted = BrickStep::Evicted(self.residency.round());
+        trace.bricks(self.host.slots.evicted.iter().map(|id| (*id, evicted)));
+        trace.wanted(self.host.wanted());
+    }
+
+    /// The round that begins makes bricks visible.
+    pub(super) fn trace_published(&self, updates: &[Update]) {
+        let published = BrickStep::Published(self.residency.round());
+        let bricks = updates.iter().filter_map(|update| self.host.published(update));
+        self.trace_bricks(bricks.map(|id| (id, published)));
+    }
+
+    /// A round has told how it stands.
+    pub(super) fn trace_report(&mut self, report: &Report) -> Result<()> {
+        let Some(trace) = &self.trace else { return Ok(()) };
+        if let Some(used) = self.residency.used()? {
+            let round = self.residency.round();
+            let sampled = self.host.slots.newly_sampled(&used, round);
+            trace.bricks(sampled.into_iter().map(|id| (id, BrickStep::Sampled(round))));
+        }
+        let all: u32 = self.plan.residency.slots();
+        let sum = |of: &dyn Fn(&OfAtlas) -> u32| -> u64 {
+            report.atlases.iter().map(|atlas| u64::from(of(atlas))).sum()
+        };
+        let (touched, missed) =
+            (sum(&|atlas| atlas.answer.touched), sum(&|atlas| atlas.answer.wished));
+        trace.count(Counter::SlotsFree, u64::from(all) - self.host.slots.used() as u64);
+        trace.count(Counter::BricksTouched, touched);
+        trace.count(Counter::BricksMissed, missed);
+        trace.count(Counter::BytesReadBack, report.bytes);
         let granted: usize = report.atlases.iter().map(|atlas| atlas.grants.len()).sum();
         trace.count(Counter::RaysWaiting, report.progress.waiting.into());
         trace.count(Counter::BricksBound, self.host.bound_count() as u64);
         trace.count(Counter::SlotsGranted, granted as u64);
+        Ok(())
     }
 
     /// Something came from the loaders.

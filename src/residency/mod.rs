@@ -17,7 +17,9 @@ mod shape;
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::gpu::{Buffer, BufferRegion, BufferSpec, ComputePipeline, Gpu, Image, Recorder, Shader};
+use crate::gpu::{
+    Buffer, BufferRegion, BufferSpec, ComputePipeline, Gpu, Image, MemoryHome, Recorder, Shader,
+};
 use crate::passes::cache_buffers::CacheBuffers;
 use crate::passes::{choose, count, grant, publish, scan, tally};
 use crate::twins::cache::{Answer, Progress};
@@ -37,6 +39,8 @@ pub struct Residency {
     shape: ResidencyShape,
     buffers: CacheBuffers,
     report: Buffer,
+    /// When each slot was last used, where somebody traces it.
+    used_copy: Option<Buffer>,
     atlases: Vec<Image>,
     publish: Arc<ComputePipeline>,
     tally: Arc<ComputePipeline>,
@@ -116,12 +120,35 @@ impl Residency {
             shape,
             buffers,
             report,
+            used_copy: None,
             atlases,
             turn: 0,
             round: 0,
             ranks: 1,
             prepared: false,
         })
+    }
+
+    /// From now on every round tells when each slot was last used, too.
+    ///
+    /// # Errors
+    /// Exit code 4 when the device runs out of memory.
+    pub fn tell_use(&mut self, gpu: &Arc<Gpu>) -> Result<()> {
+        let bytes = self.buffers.slot_used.bytes();
+        let spec = BufferSpec { name: "slot_used_copy", bytes, home: MemoryHome::Readback };
+        self.used_copy = Some(Buffer::new(gpu, &spec)?);
+        Ok(())
+    }
+
+    /// `[slot]` the round in which a ray last used it, where that is told.
+    ///
+    /// # Errors
+    /// Exit code 4 when the device is lost.
+    pub fn used(&self) -> Result<Option<Vec<u32>>> {
+        let Some(copy) = &self.used_copy else { return Ok(None) };
+        let mut rounds = vec![0u32; self.shape.slots() as usize];
+        copy.read(0, bytemuck::cast_slice_mut(&mut rounds))?;
+        Ok(Some(rounds))
     }
 
     /// What it consists of.
@@ -242,6 +269,11 @@ impl Residency {
             &self.report,
             &region(progress_bytes, (allowances.len() * size_of::<Answer>()) as u64),
         );
+        if let Some(copy) = &self.used_copy {
+            let bytes = self.buffers.slot_used.bytes();
+            recorder.copy_regions_to_buffer("report", &buffers.slot_used, copy, &region(0, bytes));
+            recorder.host_read(copy);
+        }
         recorder.host_read(&buffers.grants);
         recorder.host_read(&buffers.requests);
         recorder.host_read(&self.report);

@@ -11,7 +11,8 @@ use serde_json::{Value, json};
 
 use crate::gpu::RoleKind;
 use crate::trace::clip::{Clipped, follow_each_other, nest};
-use crate::trace::event::{Counter, Details, Event, Span, Track};
+use crate::trace::event::{BrickStep, Counter, Details, Event, Span, Track};
+use crate::trace::flows::flows;
 use crate::trace::recording::{Filled, ROLES, Trace, queue_index};
 use crate::volume::BrickId;
 
@@ -27,7 +28,47 @@ struct Entry<'a> {
     ts: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     dur: Option<f64>,
+    /// Of flows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cat: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    id: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bp: Option<&'a str>,
+    /// How far an instant reaches: its thread.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    s: Option<&'a str>,
     args: Value,
+}
+
+/// On the host's first track, with nothing else known.
+fn entry<'a>(ph: &'a str, name: &'a str, ts: f64) -> Entry<'a> {
+    let (pid, tid) = Track::Host.place();
+    Entry {
+        ph,
+        name,
+        pid,
+        tid,
+        ts,
+        dur: None,
+        cat: None,
+        id: None,
+        bp: None,
+        s: None,
+        args: json!({}),
+    }
+}
+
+fn args_of_step(id: BrickId, step: BrickStep) -> Value {
+    let mut args = json!({ "brick": brick(id) });
+    match step {
+        BrickStep::Submitted(time_point) => args["time_point"] = time_point.into(),
+        BrickStep::Published(round) | BrickStep::Sampled(round) | BrickStep::Evicted(round) => {
+            args["round"] = round.into();
+        }
+        BrickStep::Wanted | BrickStep::Staged => {}
+    }
+    args
 }
 
 impl Track {
@@ -71,12 +112,51 @@ impl Trace {
             let (pid, tid) = span.track.place();
             let dur = Some(microseconds(span.end_ns - span.begin_ns));
             let (name, ts) = (span.name, microseconds(span.begin_ns));
-            write(&Entry { ph: "X", name, pid, tid, ts, dur, args: args_of(span.details) })?;
+            write(&Entry { pid, tid, dur, args: args_of(span.details), ..entry("X", name, ts) })?;
         }
         for event in &filled.events {
-            let Event::Count { counter, at_ns, value } = *event else { continue };
-            let (name, ts, args) = (counter.name(), microseconds(at_ns), json!({ "value": value }));
-            write(&Entry { ph: "C", name, pid: HOST, tid: 0, ts, dur: None, args })?;
+            match *event {
+                Event::Count { counter, at_ns, value } => {
+                    let (name, ts) = (counter.name(), microseconds(at_ns));
+                    write(&Entry {
+                        tid: 0,
+                        args: json!({ "value": value }),
+                        ..entry("C", name, ts)
+                    })?;
+                }
+                Event::Brick { id, step, at_ns } => {
+                    let (name, ts) = (step.name(), microseconds(at_ns));
+                    write(&Entry {
+                        s: Some("t"),
+                        args: args_of_step(id, step),
+                        ..entry("i", name, ts)
+                    })?;
+                }
+                Event::Span(_) => {}
+            }
+        }
+        let flows = flows(filled.events.iter(), &tracks);
+        for (number, flow) in flows.iter().enumerate().filter(|(_, flow)| flow.places.len() > 1) {
+            let last = flow.places.len() - 1;
+            for (index, (track, at_ns)) in flow.places.iter().enumerate() {
+                let ph = if index == 0 {
+                    "s"
+                } else if index == last {
+                    "f"
+                } else {
+                    "t"
+                };
+                let (pid, tid) = track.place();
+                write(&Entry {
+                    pid,
+                    tid,
+                    cat: Some("brick"),
+                    id: Some(number as u64),
+                    bp: (index == last).then_some("e"),
+                    args: json!({ "finished": flow.finished }),
+                    ..entry(ph, "brick", microseconds(*at_ns))
+                })?;
+            }
         }
         writeln!(out, "\n]}}")
     }
@@ -156,7 +236,7 @@ fn tracks_of(filled: &Filled) -> (BTreeMap<Track, Vec<Span>>, Clipped) {
 }
 
 fn naming<'a>(what: &'a str, pid: u32, tid: u32, name: &str) -> Entry<'a> {
-    Entry { ph: "M", name: what, pid, tid, ts: 0.0, dur: None, args: json!({ "name": name }) }
+    Entry { pid, tid, args: json!({ "name": name }), ..entry("M", what, 0.0) }
 }
 
 fn microseconds(ns: i64) -> f64 {

@@ -71,15 +71,27 @@ pub enum Counter {
     BytesUploaded,
     /// Voxel bytes in the RAM cache.
     RamCacheBytes,
+    /// Slots of all atlases without a brick.
+    SlotsFree,
+    /// Bricks that the last round's rays went through for the first time in the view.
+    BricksTouched,
+    /// Bricks that the last round's rays asked for in vain.
+    BricksMissed,
+    /// Bytes that the host read back for the last round.
+    BytesReadBack,
 }
 
 impl Counter {
-    pub(super) const ALL: [Counter; 5] = [
+    pub(super) const ALL: [Counter; 9] = [
         Counter::RaysWaiting,
         Counter::BricksBound,
         Counter::SlotsGranted,
         Counter::BytesUploaded,
         Counter::RamCacheBytes,
+        Counter::SlotsFree,
+        Counter::BricksTouched,
+        Counter::BricksMissed,
+        Counter::BytesReadBack,
     ];
 
     /// The word in the file.
@@ -90,6 +102,41 @@ impl Counter {
             Counter::SlotsGranted => "slots granted",
             Counter::BytesUploaded => "bytes uploaded",
             Counter::RamCacheBytes => "RAM cache bytes",
+            Counter::SlotsFree => "slots free",
+            Counter::BricksTouched => "bricks touched",
+            Counter::BricksMissed => "bricks missed",
+            Counter::BytesReadBack => "bytes read back",
+        }
+    }
+}
+
+/// What happens to a brick on its way from being asked for to being given up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BrickStep {
+    /// A ray asked for it.
+    Wanted,
+    /// Its texels are in the staging half.
+    Staged,
+    /// The copy into its slot was submitted: value on the transfer role's timeline.
+    Submitted(u64),
+    /// Rays find it from this round of the cache on.
+    Published(u32),
+    /// A ray went through it for the first time, in this round.
+    Sampled(u32),
+    /// Its slot was given to another brick after this round.
+    Evicted(u32),
+}
+
+impl BrickStep {
+    /// The word in the file.
+    pub const fn name(self) -> &'static str {
+        match self {
+            BrickStep::Wanted => "wanted",
+            BrickStep::Staged => "staged",
+            BrickStep::Submitted(_) => "submitted",
+            BrickStep::Published(_) => "published",
+            BrickStep::Sampled(_) => "sampled",
+            BrickStep::Evicted(_) => "evicted",
         }
     }
 }
@@ -97,6 +144,7 @@ impl Counter {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Event {
     Span(Span),
+    Brick { id: BrickId, step: BrickStep, at_ns: i64 },
     Count { counter: Counter, at_ns: i64, value: u64 },
 }
 
@@ -104,7 +152,7 @@ impl Event {
     pub fn span(&self) -> Option<&Span> {
         match self {
             Event::Span(span) => Some(span),
-            Event::Count { .. } => None,
+            Event::Brick { .. } | Event::Count { .. } => None,
         }
     }
 }

@@ -18,9 +18,11 @@ mod chrome;
 mod clip;
 mod clock;
 mod event;
+mod flows;
 mod recording;
+pub mod summary;
 
 pub use clip::{Clipped, follow_each_other, nest};
 pub use clock::{ClockReport, QueueClock};
-pub use event::{Counter, Details, Span, Track};
+pub use event::{BrickStep, Counter, Details, Span, Track};
 pub use recording::{Guard, Trace, TraceOptions};

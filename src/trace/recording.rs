@@ -1,13 +1,14 @@
 //! The trace while it is filled.
 
-use std::collections::VecDeque;
+use std::collections::{HashSet, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use crate::gpu::{Gpu, RoleKind, SubmitTimes};
 use crate::trace::clock::signed_ns;
-use crate::trace::event::{Counter, Details, Event, Span, Track};
+use crate::trace::event::{BrickStep, Counter, Details, Event, Span, Track};
 use crate::trace::{ClockReport, QueueClock};
+use crate::volume::BrickId;
 
 /// Both roles, in the order of [`Filled::clocks`].
 pub(super) const ROLES: [RoleKind; 2] = [RoleKind::Render, RoleKind::Transfer];
@@ -59,6 +60,8 @@ pub(super) struct Filled {
     pub counted: [Option<u64>; Counter::ALL.len()],
     /// Reads that had not come back when that was last told.
     pub reads_under_way: u64,
+    /// Bricks that were asked for and are not there.
+    wanted: HashSet<BrickId>,
     /// Copies by their submit: bricks and bytes of each step.
     announced: Vec<(u64, Vec<(u64, u64)>)>,
 }
@@ -112,6 +115,29 @@ impl Trace {
         if filled.counted[counter as usize].replace(value) != Some(value) {
             let at_ns = signed_ns(self.start, Instant::now()) as i64;
             self.push(&mut filled, Event::Count { counter, at_ns, value });
+        }
+    }
+
+    /// Records bricks that rays ask for; of each, the first time.
+    pub fn wanted(&self, bricks: impl Iterator<Item = BrickId>) {
+        let mut filled = self.filled();
+        let at_ns = signed_ns(self.start, Instant::now()) as i64;
+        for id in bricks {
+            if filled.wanted.insert(id) {
+                self.push(&mut filled, Event::Brick { id, step: BrickStep::Wanted, at_ns });
+            }
+        }
+    }
+
+    /// Records what happens to bricks now.
+    pub fn bricks(&self, bricks: impl Iterator<Item = (BrickId, BrickStep)>) {
+        let mut filled = self.filled();
+        let at_ns = signed_ns(self.start, Instant::now()) as i64;
+        for (id, step) in bricks {
+            if matches!(step, BrickStep::Published(_)) {
+                filled.wanted.remove(&id);
+            }
+            self.push(&mut filled, Event::Brick { id, step, at_ns });
         }
     }
 

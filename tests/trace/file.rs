@@ -1,6 +1,6 @@
 //! A trace as a reader of Chrome's format sees it, held to the format.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use ashfall::trace::Trace;
 use serde_json::Value;
@@ -17,6 +17,11 @@ pub struct Span {
 pub struct Read {
     pub tracks: BTreeMap<String, Vec<Span>>,
     pub counters: BTreeMap<String, Vec<u64>>,
+    /// What happens to bricks: what, to which, when.
+    pub steps: Vec<(String, String, i64)>,
+    /// By number: kind of event, track, when.
+    pub flows: BTreeMap<u64, Vec<(String, String, i64)>>,
+    pub flows_finished: BTreeSet<u64>,
     pub about: Value,
 }
 
@@ -41,6 +46,9 @@ pub fn parse(bytes: &[u8]) -> Read {
     let mut read = Read {
         tracks: names.values().map(|name| (name.clone(), Vec::new())).collect(),
         counters: BTreeMap::new(),
+        steps: Vec::new(),
+        flows: BTreeMap::new(),
+        flows_finished: BTreeSet::new(),
         about: file["otherData"].clone(),
     };
     assert_eq!(read.tracks.len(), names.len(), "tracks have names of their own");
@@ -62,6 +70,22 @@ pub fn parse(bytes: &[u8]) -> Read {
                 let before = counted_at.insert(name.clone(), ns(event, "ts"));
                 assert!(before <= Some(ns(event, "ts")), "{event}");
                 read.counters.entry(name).or_default().push(of(&event["args"], "value"));
+            }
+            Some("i") => {
+                let (brick, at_ns) = (event["args"]["brick"].to_string(), ns(event, "ts"));
+                read.steps.push((name, brick, at_ns));
+            }
+            Some(part @ ("s" | "t" | "f")) => {
+                let flow = read.flows.entry(of(event, "id")).or_default();
+                let place = names[&(of(event, "pid"), of(event, "tid"))].clone();
+                // Begun once, ended once, in order of time.
+                assert_eq!(flow.is_empty(), part == "s", "{event}");
+                assert!(flow.last().is_none_or(|(last, _, _)| last != "f"), "{event}");
+                assert!(flow.last().is_none_or(|(_, _, at)| *at <= ns(event, "ts")), "{event}");
+                flow.push((part.to_owned(), place, ns(event, "ts")));
+                if event["args"]["finished"] == true {
+                    read.flows_finished.insert(of(event, "id"));
+                }
             }
             _ => panic!("an event of no known kind: {event}"),
         }
@@ -104,6 +128,11 @@ impl Read {
     /// The sum of an argument of all such spans.
     pub fn sum(&self, track: &str, name: &str, argument: &str) -> u64 {
         self.spans(track, name).iter().map(|span| of(&span.args, argument)).sum()
+    }
+
+    /// How many bricks came so far.
+    pub fn count_of(&self, step: &str) -> u64 {
+        self.steps.iter().filter(|(name, _, _)| name == step).count() as u64
     }
 
     pub fn last(&self, counter: &str) -> u64 {

@@ -330,8 +330,14 @@ impl HostCache {
     }
 
     /// Bricks that rays asked for, without a slot.
-    pub fn wanted_count(&self) -> usize {
-        self.wanted.len()
+    pub fn wanted(&self) -> impl ExactSizeIterator<Item = BrickId> {
+        self.wanted.iter().map(|(_, id)| *id)
+    }
+
+    /// The brick that an update puts into a slot; nothing: it puts none.
+    pub fn published(&self, update: &Update) -> Option<BrickId> {
+        let fills = update.slot != OWNER_FREE;
+        fills.then(|| self.numbers.brick(self.atlas_of_slot(update.slot).0, update.entry))
     }
 
     /// Slots kept for bricks that have not come.

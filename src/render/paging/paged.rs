@@ -23,7 +23,7 @@ use crate::render::scene_data::SceneData;
 use crate::render::statistics::Statistics;
 use crate::residency::Residency;
 use crate::source::{BrickSource, Description};
-use crate::trace::Trace;
+use crate::trace::{BrickStep, Trace};
 use crate::twins;
 use crate::twins::octree_ranges::Coding;
 use crate::twins::place::Placement;
@@ -104,7 +104,7 @@ impl Paged {
         // As PagingPlan::variants lists them: publish, rays, march_bricks, five that manage, resolve.
         let manage: Vec<Shader> =
             [0, 3, 4, 5, 6, 7].iter().map(|index| shaders[*index].clone()).collect();
-        let residency = Residency::new(gpu, plan.residency.clone(), &manage)?;
+        let mut residency = Residency::new(gpu, plan.residency.clone(), &manage)?;
         let mut staging = Staging::new(gpu, plan.staging_half_bytes)?;
         trace.into_iter().for_each(|_| staging.keep_times());
         let mut first_copies = Vec::new();
@@ -149,7 +149,10 @@ impl Paged {
             }
             None => Loading::new(vec![source], limits)?,
         };
-        trace.into_iter().for_each(|_| loading.keep_jobs());
+        if trace.is_some() {
+            loading.keep_jobs();
+            residency.tell_use(gpu)?;
+        }
         Ok(Paged {
             host: HostCache::new(
                 plan.numbers.clone(),
@@ -243,6 +246,7 @@ impl Paged {
         self.trace_half_wait();
         if staged {
             self.staged.push(StagedBrick { id, slot, bytes, atlas, placement });
+            self.trace_bricks(std::iter::once((id, BrickStep::Staged)));
             if let Some(placing) = &mut self.placing {
                 placing.free += bytes.next_multiple_of(ALIGNMENT_BYTES);
             }

@@ -37,6 +37,7 @@ impl Renderer {
         paged.tell_leaves()?;
         let updates = paged.host.take_updates(paged.plan.residency.updates_max as usize);
         paged.residency.begin(&updates)?;
+        paged.trace_published(&updates);
         let mut waits: Vec<TimePoint> = std::mem::take(&mut paged.first_copies);
         waits.extend(paged.copied_until.take());
         let push = twins::march_bricks::Push {

@@ -321,7 +321,7 @@ impl Rounds<'_, '_> {
             self.statistics.bricks_needed += u64::from(atlas.answer.touched);
         }
         self.statistics.bytes_read_back += report.bytes;
-        self.paged.trace_report(&report);
+        self.paged.trace_report(&report)?;
         Ok(report)
     }
 
@@ -341,6 +341,7 @@ impl Rounds<'_, '_> {
             let floor = self.paged.host.floor_wanted();
             blocks.extend(self.paged.host.want_first(floor));
         }
+        self.paged.trace_wanted();
         self.paged.loading.survey(&blocks);
         if self.renderer.plan.settings.paging.lockstep {
             let _span = self.renderer.span("survey");
@@ -495,7 +496,7 @@ impl Rounds<'_, '_> {
         RoundCache {
             touched: sum(&|atlas| atlas.answer.touched),
             missed: sum(&|atlas| atlas.answer.wished),
-            wanted: host.wanted_count() as u64,
+            wanted: host.wanted().len() as u64,
             pending: host.bound_count() as u64,
             absent: host.counts.absent,
             hidden: host.counts.hidden,

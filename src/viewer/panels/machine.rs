@@ -212,8 +212,8 @@ impl Machine {
                 Some(Some(brick)) => format!(
                     "slot {}: channel {}, level {}, came {} rounds ago",
                     square * each,
-                    brick.channel,
-                    brick.level,
+                    brick.brick.channel,
+                    brick.brick.level,
                     cache.round.wrapping_sub(brick.since)
                 ),
                 _ => format!("slot {}: free", square * each),
@@ -291,8 +291,8 @@ impl Machine {
 impl ColoredBy {
     fn color(self, brick: &SlotBrick, round: u32) -> Color32 {
         match self {
-            ColoredBy::Level => COLORS[usize::from(brick.level) % COLORS.len()],
-            ColoredBy::Channel => COLORS[usize::from(brick.channel) % COLORS.len()],
+            ColoredBy::Level => COLORS[usize::from(brick.brick.level) % COLORS.len()],
+            ColoredBy::Channel => COLORS[usize::from(brick.brick.channel) % COLORS.len()],
             ColoredBy::Age => {
                 let age = round.wrapping_sub(brick.since).min(OLD) as f32 / OLD as f32;
                 let grey = |new: u8, old: u8| {
@@ -309,9 +309,9 @@ fn legend(ui: &mut Ui, by: ColoredBy, slots: &[Option<SlotBrick>]) {
     let mut counts = [0usize; COLORS.len()];
     for brick in slots.iter().flatten() {
         let of = if by == ColoredBy::Level {
-            usize::from(brick.level)
+            usize::from(brick.brick.level)
         } else {
-            usize::from(brick.channel)
+            usize::from(brick.brick.channel)
         };
         counts[of % COLORS.len()] += 1;
     }
