@@ -97,9 +97,11 @@ fn text(summary: &Summary) -> String {
         ));
     }
     lines.push(match summary.overlap {
-        Some(overlap) => {
-            format!("{:.1} % of the copies' time lay beside rendering", 100.0 * overlap)
-        }
+        Some(overlap) => format!(
+            "{:.1} % of the copies' time lay beside rendering{}",
+            100.0 * overlap,
+            if summary.roles_share_queue { ": the device has one queue for both" } else { "" }
+        ),
         None => "no copies were timed: no overlap".to_owned(),
     });
     for stall in &summary.stalls {

@@ -24,6 +24,8 @@ pub struct Summary {
     pub rounds: u64,
     /// Events that the trace had no room for.
     pub events_dropped: u64,
+    /// Render and transfer are one queue: nothing can lie beside the other.
+    pub roles_share_queue: bool,
     /// By queue: busy, and its part of the wall's time; nothing for one without timestamps.
     pub queues: Vec<Busy>,
     /// Part of the copies' time that lay beside rendering; nothing where nothing was copied or timed.
@@ -158,6 +160,7 @@ impl Summary {
         let mut summary = Summary {
             wall_ms,
             events_dropped: file["otherData"]["events_dropped"].as_u64().unwrap_or(0),
+            roles_share_queue: file["otherData"]["roles_share_queue"] == true,
             queues: [render, transfer].into_iter().flatten().map(|(busy, _)| busy).collect(),
             overlap,
             stalls: read.stalls(),
