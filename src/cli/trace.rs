@@ -137,8 +137,11 @@ fn text(summary: &Summary) -> String {
     lines.join("\n") + "\n"
 }
 
+/// One of a summary's.
+type Figure = fn(&Summary) -> f64;
+
 fn changes(before: &Summary, after: &Summary) -> Vec<Change> {
-    let figures: [(&'static str, fn(&Summary) -> f64); 12] = [
+    let figures: [(&'static str, Figure); 12] = [
         ("wall, ms", |of| of.wall_ms),
         ("rounds", |of| of.rounds as f64),
         ("round p95, ms", |of| of.round_ms.p95),
@@ -152,7 +155,7 @@ fn changes(before: &Summary, after: &Summary) -> Vec<Change> {
         ("reload factor", |of| of.reload_factor),
         ("bricks never sampled", |of| of.bricks_wasted as f64),
     ];
-    let change = |(figure, of): (&'static str, fn(&Summary) -> f64)| {
+    let change = |(figure, of): (&'static str, Figure)| {
         let (before, after) = (of(before), of(after));
         let ratio = (before != 0.0).then(|| after / before);
         Change { figure, before, after, ratio }

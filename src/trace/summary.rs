@@ -199,11 +199,9 @@ impl Summary {
                         self.bricks_wasted += 1;
                     }
                 }
-                "sampled" => {
-                    if there.get(&key) == Some(&false) {
-                        there.insert(key.clone(), true);
-                        to_sampled.extend(wanted.get(&key).map(|since| (at - since) * 1e-3));
-                    }
+                "sampled" if there.get(&key) == Some(&false) => {
+                    to_sampled.extend(wanted.get(&key).map(|since| (at - since) * 1e-3));
+                    there.insert(key, true);
                 }
                 "evicted" => self.bricks_wasted += u64::from(there.remove(&key) == Some(false)),
                 _ => {}
