@@ -37,6 +37,9 @@ pub struct Arguments {
     /// Write what the window did as JSON when it is closed: frames, times, idle submits.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+    /// What a round may take while something moves, milliseconds: pixels get up to 8 times as wide to keep to it.
+    #[arg(long, value_name = "MS", default_value_t = 120.0)]
+    frame_ms: f64,
     /// Panels and their text so many times as large; default: what WINIT_X11_SCALE_FACTOR says, else 1.
     #[arg(long, value_name = "FACTOR")]
     panel_scale: Option<f32>,
@@ -54,6 +57,10 @@ pub struct Arguments {
 /// Opens the window and waits until it is closed.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let panel_scale = panel_scale(arguments)?;
+    if !(arguments.frame_ms > 0.0 && arguments.frame_ms.is_finite()) {
+        let given = arguments.frame_ms;
+        return Err(Error::arguments(format!("--frame-ms: must be above 0, got {given}")));
+    }
     count_pixels();
     let mut settings = arguments.work.settings()?;
     settings.addressing = Addressing::Paged;
@@ -105,6 +112,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         gpu: gpu.clone(),
         panels: arguments.panels,
         panel_scale,
+        frame_ms: arguments.frame_ms,
     })?;
     if let Some(file) = &arguments.report {
         write_json(file, &report)?;

@@ -79,10 +79,14 @@ pub enum Counter {
     BricksMissed,
     /// Bytes that the host read back for the last round.
     BytesReadBack,
+    /// Microseconds of a window's last round on the wall.
+    FrameTime,
+    /// What it may take while something moves.
+    FrameTarget,
 }
 
 impl Counter {
-    pub(super) const ALL: [Counter; 9] = [
+    pub(super) const ALL: [Counter; 11] = [
         Counter::RaysWaiting,
         Counter::BricksBound,
         Counter::SlotsGranted,
@@ -92,6 +96,8 @@ impl Counter {
         Counter::BricksTouched,
         Counter::BricksMissed,
         Counter::BytesReadBack,
+        Counter::FrameTime,
+        Counter::FrameTarget,
     ];
 
     /// The word in the file.
@@ -106,6 +112,8 @@ impl Counter {
             Counter::BricksTouched => "bricks touched",
             Counter::BricksMissed => "bricks missed",
             Counter::BytesReadBack => "bytes read back",
+            Counter::FrameTime => "frame time, us",
+            Counter::FrameTarget => "frame target, us",
         }
     }
 }

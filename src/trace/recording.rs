@@ -122,6 +122,10 @@ impl Trace {
     pub fn wanted(&self, bricks: impl Iterator<Item = BrickId>) {
         let mut filled = self.filled();
         let at_ns = signed_ns(self.start, Instant::now()) as i64;
+        // Those that turn out to show nothing are never published.
+        if filled.wanted.len() >= self.options.events_max {
+            filled.wanted.clear();
+        }
         for id in bricks {
             if filled.wanted.insert(id) {
                 self.push(&mut filled, Event::Brick { id, step: BrickStep::Wanted, at_ns });

@@ -101,6 +101,10 @@ impl Viewer {
     /// Goes on along the path, where it is gone along; whether the camera moved.
     pub(super) fn follow_path(&mut self, context: &egui::Context) -> bool {
         let Some(mut along) = self.along.take() else { return false };
+        if self.shown.error.is_some() {
+            // It is told; nothing more is drawn of the path.
+            return false;
+        }
         context.request_repaint();
         let before = self.camera.view().clone();
         let goes_on = match along.writes.clone() {

@@ -58,6 +58,8 @@ struct Job {
 #[derive(Default)]
 struct State {
     job: Option<Job>,
+    /// Number of the picture that is to be measured or has been.
+    asked: Option<u64>,
     measured: Measured,
     ends: bool,
 }
@@ -90,16 +92,22 @@ impl ErrorMeter {
         Ok(ErrorMeter { shared, thread: Some(thread) })
     }
 
-    /// Measures a picture of the scene's first view from now on, and no other.
-    pub fn measure(&self, scene: Scene, picture: Arc<Picture>, number: u64) {
-        self.shared.lock().job = Some(Job { scene, picture, number });
-        self.shared.changed.notify_all();
+    /// Measures the picture of this number from now on, and no other: of the first view of the scene that `of` gives
+    /// beside it, unless it is measured already.
+    pub fn measure(&self, number: u64, of: impl FnOnce() -> (Scene, Arc<Picture>)) {
+        let mut state = self.shared.lock();
+        if state.asked.replace(number) != Some(number) {
+            let (scene, picture) = of();
+            state.job = Some(Job { scene, picture, number });
+            self.shared.changed.notify_all();
+        }
     }
 
     /// No picture is measured any more: another one is drawn.
     pub fn rest(&self) {
         let mut state = self.shared.lock();
         state.job = None;
+        state.asked = None;
         state.measured.error = None;
     }
 
@@ -149,52 +157,47 @@ impl Shared {
         if state.ends { None } else { state.job.take() }
     }
 
-    /// Whether a picture is not the one to be measured any more.
-    fn is_past(&self, job: &Job) -> bool {
-        let state = self.lock();
-        let told = state.measured.error.map(|error| error.picture);
-        state.ends || state.job.is_some() || told != Some(job.number)
+    /// Tells the error of a picture as far as it is known; false: nobody wants to know any more.
+    fn tell_error(&self, error: MeasuredError) -> bool {
+        let mut state = self.lock();
+        let wanted = !state.ends && state.asked == Some(error.picture);
+        if wanted && state.measured.error != Some(error) {
+            state.measured.error = Some(error);
+            state.measured.number += 1;
+        }
+        wanted
     }
 
     fn measure(&self, data: &SceneData, job: &Job) -> Result<()> {
         let size = job.picture.size;
         let pixels = grid(size);
         let of_pixels = pixels.len();
-        let begin = MeasuredError {
+        let mut error = MeasuredError {
             picture: job.number,
             psnr_db: f64::INFINITY,
             max: 0.0,
             pixels: 0,
             of_pixels,
         };
-        self.tell(|measured| measured.error = Some(begin));
         let data = data.again(job.scene.clone())?;
         let (volume, voxels) = data.volume()?;
         let (view, background) = (&data.scene.views[0], data.scene.picture.background);
         let truth = Truth::new(view, size, background, &[(volume, &voxels)], TOLERANCE);
         let (mut seen, mut should) = (Vec::new(), Vec::new());
         for [column, row] in pixels {
-            if self.is_past(job) {
+            if !self.tell_error(error) {
                 return Ok(());
             }
             seen.push(job.picture.pixels[(row * size[0] + column) as usize]);
             should.push(truth.pixel(column, row));
             if seen.len().is_multiple_of(REPORT_EVERY) || seen.len() == of_pixels {
-                let error = picture_error(&seen, &should).whole;
-                let error = MeasuredError {
-                    psnr_db: error.psnr_db,
-                    max: error.max,
-                    pixels: seen.len(),
-                    ..begin
-                };
-                let mut state = self.lock();
-                // Nobody wants to know any more.
-                if state.measured.error.is_some_and(|told| told.picture == job.number) {
-                    state.measured.error = Some(error);
-                    state.measured.number += 1;
-                }
+                let of_rgb = picture_error(&seen, &should).whole;
+                error.psnr_db = of_rgb.psnr_db;
+                error.max = of_rgb.max;
+                error.pixels = seen.len();
             }
         }
+        self.tell_error(error);
         Ok(())
     }
 }

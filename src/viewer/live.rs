@@ -15,7 +15,7 @@ use crate::render::{
     Picture, Plan, Renderer, SceneChange, SceneData, Settings, Statistics, srgb_bytes,
 };
 use crate::scene::Scene;
-use crate::trace::{Trace, TraceOptions};
+use crate::trace::{Counter, Trace, TraceOptions};
 use crate::viewer::screens::Screens;
 
 /// See the module.
@@ -58,6 +58,8 @@ pub struct Shown {
     pub number: u64,
     /// Number of the scene that it shows, as [`Live::want`] gave it.
     pub scene: u64,
+    /// So many times as wide are its pixels as those of the screens.
+    pub wider: u32,
     /// It is the finished picture of that scene.
     pub converged: bool,
     /// Milliseconds that its last round took on the wall.
@@ -261,8 +263,7 @@ impl Drawer {
     /// Draws all views until they have converged, or something else is wanted.
     fn draw_views(&self, renderer: &mut Renderer, wanted: &Wanted, number: u64) -> Result<()> {
         let views = renderer.plan().views.len();
-        let mut drawn =
-            DrawnViews { pictures: vec![None; views], wanted, number, shared: &self.shared };
+        let mut drawn = DrawnViews { pictures: vec![None; views], wanted, number, drawer: self };
         for view in 0..views - 1 {
             let begun = Instant::now();
             renderer.draw_watched(view, &mut |round| {
@@ -294,12 +295,13 @@ struct DrawnViews<'a> {
     pictures: Vec<Option<Picture>>,
     wanted: &'a Wanted,
     number: u64,
-    shared: &'a Shared,
+    drawer: &'a Drawer,
 }
 
 impl DrawnViews<'_> {
     fn take_round(&mut self, view: usize, round: RoundPicture, begun: Instant) {
         let round_ms = begun.elapsed().as_secs_f64() * 1e3;
+        self.drawer.trace.count(Counter::FrameTime, (round_ms * 1e3) as u64);
         // Views are finished from the last one on.
         let is_first = round.round == 1 && view + 1 == self.pictures.len();
         self.pictures[view] = Some(round.picture);
@@ -333,11 +335,12 @@ impl DrawnViews<'_> {
         let bytes = Arc::new(srgb_bytes(&picture));
         let side = |of: &Picture| SidePicture { size: of.size, bytes: Arc::new(srgb_bytes(of)) };
         let others = others.iter().map(side).collect();
-        self.shared.show(|shown| {
+        self.drawer.shared.show(|shown| {
             shown.picture = Some(Arc::new(picture));
             shown.bytes = bytes;
             shown.others = others;
             shown.scene = self.number;
+            shown.wider = self.wanted.wider;
             change(shown);
         });
     }

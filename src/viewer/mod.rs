@@ -14,6 +14,8 @@ pub mod interaction;
 mod live;
 pub mod overview;
 #[cfg(feature = "viewer")]
+mod painting;
+#[cfg(feature = "viewer")]
 mod panels;
 #[cfg(feature = "viewer")]
 mod path_walk;

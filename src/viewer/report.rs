@@ -1,5 +1,7 @@
 //! What a window did, for whoever measures it.
 
+use std::collections::VecDeque;
+
 use serde::Serialize;
 
 /// As `ashfall view --report` writes it when the window closes.
@@ -9,9 +11,15 @@ pub struct Report {
     pub first_picture_ms: Option<f64>,
     /// Frames that were painted into the window.
     pub frames: u64,
-    /// What they took, milliseconds, from the turn at the queue to its end: the middle one, the 95th of 100, and
-    /// the worst, of the last 10,000.
-    pub frame_ms: [f32; 3],
+    /// What they took, milliseconds, from the turn at the queue to its end: the middle one, the 95th and the 99th of
+    /// 100, and the worst, of the last 10,000.
+    pub frame_ms: [f32; 4],
+    /// What a round of drawing may take while something moves.
+    pub frame_target_ms: f64,
+    /// What such rounds took, as `frame_ms`.
+    pub moving_ms: [f32; 4],
+    /// The part of them that took longer.
+    pub moving_over_target: f64,
     /// Of them, those with a new picture of the volume.
     pub pictures: u64,
     /// Scenes that were asked for: what moved or was set.
@@ -39,4 +47,12 @@ pub struct Report {
     pub input_ms: Vec<f64>,
     /// Messages of the validation layers.
     pub validation_messages: u64,
+}
+
+/// The middle one of some milliseconds, the 95th and the 99th of 100, and the worst; 0 where there are none.
+pub fn percentiles(ms: &VecDeque<f32>) -> [f32; 4] {
+    let mut sorted: Vec<f32> = ms.iter().copied().collect();
+    sorted.sort_by(f32::total_cmp);
+    let last = sorted.len().saturating_sub(1);
+    [50, 95, 99, 100].map(|part| sorted.get(last * part / 100).copied().unwrap_or(0.0))
 }

@@ -37,6 +37,8 @@ pub struct Request {
     pub files: Files,
     /// Pixels of its picture at first.
     pub size: [u32; 2],
+    /// Milliseconds that a round may take while something moves: pixels get wider to keep to it.
+    pub frame_ms: f64,
     /// Panels and their text are so many times as large.
     pub panel_scale: f32,
     /// Which panels are there at first.

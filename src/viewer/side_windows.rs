@@ -9,9 +9,10 @@ use egui_ash::raw_window_handle::{HasRawDisplayHandle, HasRawWindowHandle};
 
 use crate::error::Result;
 use crate::gpu::{WindowSurface, Windows};
+use crate::viewer::painting::Work;
 use crate::viewer::screens::{Screens, SideWindow};
 use crate::viewer::steering::steer;
-use crate::viewer::window::{Work, lock};
+use crate::viewer::window::lock;
 use crate::viewer::{Camera, Shown};
 
 /// Frames that are painted though nothing new has come.
@@ -125,12 +126,16 @@ impl Side {
             hand.camera = camera.clone();
         }
         drop(hand);
-        let [width, height] = self.window.size.map(|edge| edge as f32);
+        // egui counts in points, of which panels' scale makes other pixels.
+        let per_point = context.pixels_per_point();
+        let [width, height] = self.window.size.map(|edge| edge as f32 / per_point);
         let mut builder = ViewportBuilder::default()
             .with_title(self.window.title.clone())
             .with_inner_size([width, height]);
         if let Some([x, y]) = self.window.place {
-            builder = builder.with_position([x as f32, y as f32]).with_decorations(false);
+            builder = builder
+                .with_position([x, y].map(|edge| edge as f32 / per_point))
+                .with_decorations(false);
         }
         let hand = self.hand.clone();
         context.show_viewport_deferred(self.id, builder, move |context, _| {

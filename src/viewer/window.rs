@@ -15,12 +15,15 @@ use egui_ash::{
 };
 
 use crate::error::{Error, Result};
-use crate::gpu::{EguiAllocator, Gpu, Turn, WindowSurface, Windows};
+use crate::gpu::{EguiAllocator, Gpu, WindowSurface, Windows};
 use crate::scene::Scene;
+use crate::trace::Counter;
 use crate::viewer::distances::Distances;
 use crate::viewer::error_meter::{ErrorMeter, Measured};
+use crate::viewer::painting::{FRAMES_KEPT, Work, paints};
 use crate::viewer::panels::{Doing, FileNames, Panels, PanelsAtFirst, WIDTH};
 use crate::viewer::path_walk::PathWalk;
+use crate::viewer::report::percentiles;
 use crate::viewer::request::{Files, Request};
 use crate::viewer::screens::Screens;
 use crate::viewer::side_windows::Side;
@@ -29,8 +32,6 @@ use crate::viewer::{Camera, Live, PICTURE_EDGE_MAX, Report, Shown, Wanted};
 
 /// Longer than this without input, and the picture is drawn at its full size.
 const REST: Duration = Duration::from_millis(150);
-/// A picture that takes longer is drawn smaller while something moves.
-const MOVING_MS: f64 = 120.0;
 /// Pixels of a smaller picture are so many times as wide, at most.
 const PIXELS_WIDER_MAX: u32 = 8;
 /// How long the loop sleeps when there is nothing to do: so long may input wait.
@@ -140,6 +141,7 @@ impl AppCreator<EguiAllocator> for Creator {
             }
         };
         close_on_signals(&context.exit_signal);
+        request.live.trace().count(Counter::FrameTarget, (request.frame_ms * 1e3) as u64);
         context.context.set_zoom_factor(request.panel_scale);
         let begin = request.scene.views[0].clone();
         let begin = match &request.screens {
@@ -179,6 +181,8 @@ impl AppCreator<EguiAllocator> for Creator {
             last_paint: (begun, 0),
             gpu: request.gpu,
             windows,
+            frame_ms: request.frame_ms,
+            moving_ms: VecDeque::new(),
         };
         (viewer, state)
     }
@@ -197,21 +201,6 @@ fn close_on_signals(exit: &ExitSignal) {
     };
     _ = std::thread::Builder::new().name("signals".to_owned()).spawn(wait);
 }
-
-/// What the frame under way is to do once egui has said what it draws.
-#[derive(Default)]
-pub struct Work {
-    pub paints: bool,
-    /// A picture that the window does not show yet.
-    pub picture: Option<Arc<Vec<u8>>>,
-    /// Frames painted so far.
-    pub frames: u64,
-    /// Milliseconds that the last of them took: egui's part, and ours.
-    pub frames_ms: VecDeque<f32>,
-}
-
-/// Frames whose times are kept.
-const FRAMES_KEPT: usize = 10_000;
 
 pub(super) struct Viewer {
     // Dropped in this order: the threads, the surfaces, and at last the device.
@@ -249,6 +238,10 @@ pub(super) struct Viewer {
     pub(super) last_paint: (Instant, u64),
     pub(super) windows: Arc<Windows>,
     pub(super) gpu: Arc<Gpu>,
+    /// What a round may take while something moves.
+    pub(super) frame_ms: f64,
+    /// What the last rounds took while something moved, the newest first.
+    pub(super) moving_ms: VecDeque<f32>,
 }
 
 /// The scene that was asked for last.
@@ -271,6 +264,7 @@ impl Viewer {
         let wanted = self.seen(size, wider);
         let (Some(live), Some(meter)) = (&self.live, &self.meter) else { return };
         meter.rest();
+        self.measured.error = None;
         let number = live.want_on(wanted);
         self.wanted = Some(Asked { number, size, wider });
         lock(&self.outcome).report.scenes += 1;
@@ -291,12 +285,13 @@ impl Viewer {
     }
 
     /// How much wider a pixel must be so that a picture keeps to its time while something moves.
-    fn wider_for(&self, size: [u32; 2]) -> u32 {
-        let Some(picture) = &self.shown.picture else { return 2 };
-        let pixels = |size: [u32; 2]| f64::from(size[0]) * f64::from(size[1]);
-        let ms = self.shown.round_ms * pixels(size) / pixels(picture.size).max(1.0);
+    fn wider_for_moving(&self) -> u32 {
+        if self.shown.picture.is_none() {
+            return 2;
+        }
+        let ms = self.shown.round_ms * f64::from(self.shown.wider).powi(2);
         let mut wider = 1;
-        while wider < PIXELS_WIDER_MAX && ms / f64::from(wider * wider) > MOVING_MS {
+        while wider < PIXELS_WIDER_MAX && ms / f64::from(wider * wider) > self.frame_ms {
             wider *= 2;
         }
         wider
@@ -315,11 +310,9 @@ impl Viewer {
         let Some(picture) = self.shown.picture.clone().filter(|_| self.is_finished()) else {
             return;
         };
-        let number = self.shown.number;
-        let begun = self.measured.error.is_some_and(|error| error.picture == number);
-        if self.screens == Screens::One && !begun && self.measured.unmeasured.is_none() {
+        if self.screens == Screens::One {
             let size = picture.size;
-            meter.measure(self.seen(size, 1).scene, picture, number);
+            meter.measure(self.shown.number, || (self.seen(size, 1).scene, picture));
         }
         let measured = meter.measured();
         if measured.number != self.measured.number {
@@ -384,7 +377,7 @@ impl Viewer {
         let writes = self.along.as_ref().is_some_and(|along| along.writes.is_some());
         if moved || resized {
             self.moved = now;
-            let wider = if writes { 1 } else { self.wider_for(size) };
+            let wider = if writes { 1 } else { self.wider_for_moving() };
             self.want(size, wider);
             let number = self.wanted.as_ref().map_or(0, |wanted| wanted.number);
             self.asked.get_or_insert((number, now));
@@ -446,6 +439,10 @@ impl Viewer {
                 report.input_ms.push(asked.elapsed().as_secs_f64() * 1e3);
             }
             lock(&self.work).picture = Some(shown.bytes.clone());
+            if !shown.converged && self.moved.elapsed() < REST {
+                self.moving_ms.truncate(FRAMES_KEPT - 1);
+                self.moving_ms.push_front(shown.round_ms as f32);
+            }
         }
         let error_is_new = shown.error.is_some() != self.shown.error.is_some();
         self.shown = shown;
@@ -461,10 +458,11 @@ impl Viewer {
         report.idle_submits = self.gpu.submits() - submits;
         let number = self.wanted.as_ref().map(|wanted| wanted.number);
         report.converged = self.shown.converged && Some(self.shown.scene) == number;
-        let mut frames_ms: Vec<f32> = lock(&self.work).frames_ms.iter().copied().collect();
-        frames_ms.sort_by(f32::total_cmp);
-        let of = |part: usize| frames_ms.get(frames_ms.len().saturating_sub(1) * part / 100);
-        report.frame_ms = [50, 95, 100].map(|part| of(part).copied().unwrap_or(0.0));
+        report.frame_ms = percentiles(&lock(&self.work).frames_ms);
+        report.frame_target_ms = self.frame_ms;
+        report.moving_ms = percentiles(&self.moving_ms);
+        let over = self.moving_ms.iter().filter(|ms| f64::from(**ms) > self.frame_ms).count();
+        report.moving_over_target = over as f64 / self.moving_ms.len().max(1) as f64;
         report.error_db = self.measured.error.map(|error| error.psnr_db);
         let view = self.camera.view();
         let target = self.camera.pivot();
@@ -490,6 +488,7 @@ impl App for Viewer {
                 camera: &self.camera,
                 trace: live.trace(),
                 along: self.along.as_ref().map(PathWalk::progress),
+                frame_ms: self.frame_ms,
                 measures: self.distances.on,
                 distances: &self.distances.lines,
                 one_screen: self.screens == Screens::One,
@@ -563,38 +562,6 @@ impl App for Viewer {
                 (side.surface.clone(), side.work.clone())
             }
         };
-        self.paint_with(turn, surface, work)
-    }
-}
-
-impl Viewer {
-    /// Paints a window once egui has said what it draws.
-    fn paint_with(
-        &self,
-        turn: Turn,
-        surface: Option<Arc<Mutex<WindowSurface>>>,
-        work: Arc<Mutex<Work>>,
-    ) -> HandleRedraw {
-        let (outcome, exit, begun) = (self.outcome.clone(), self.exit.clone(), Instant::now());
-        HandleRedraw::Handle(Box::new(move |size, egui| {
-            let mut work = lock(&work);
-            let Some(surface) = surface.filter(|_| work.paints) else { return };
-            let picture = work.picture.take();
-            let bytes = picture.as_ref().map(|bytes| &bytes[..]);
-            match lock(&surface).paint([size.width, size.height], egui, bytes) {
-                Ok(true) => {
-                    work.frames += 1;
-                    work.frames_ms.truncate(FRAMES_KEPT - 1);
-                    work.frames_ms.push_front(begun.elapsed().as_secs_f32() * 1e3);
-                }
-                // Nothing to paint into: what is new stays so.
-                Ok(false) => work.picture = picture,
-                Err(why) => {
-                    lock(&outcome).error.get_or_insert(why);
-                    exit.send(ExitCode::FAILURE);
-                }
-            }
-            drop(turn);
-        }))
+        paints(turn, (surface, work), self.outcome.clone(), self.exit.clone())
     }
 }

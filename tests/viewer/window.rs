@@ -264,10 +264,44 @@ fn no_display_is_told_in_a_sentence() {
     }
 }
 
-/// Frames of a path played in the window, with panels and without.
+/// Plays a path of 120 frames in a window; what it reports, in a line.
+fn played(desktop: &Desktop, folder: &Folder, scene: &Path, flags: &[&str]) -> String {
+    let report = folder.path("report.json");
+    let child = view(scene, &desktop.display, [640, 480])
+        .args(flags)
+        .arg("--report")
+        .arg(&report)
+        .spawn()
+        .expect("the binary runs");
+    let window = desktop.window("scene.toml");
+    desktop.still(STILL);
+    desktop.focus(window);
+    desktop.keys(&[u32::from(b'p')]);
+    std::thread::sleep(Duration::from_secs(5));
+    desktop.still(STILL);
+    desktop.close(window);
+    let run = Run::of(child.wait_with_output().expect("an end"));
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let text = std::fs::read_to_string(&report).expect("a report");
+    let report: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let mut waits: Vec<f64> = serde_json::from_value(report["input_ms"].clone()).expect("numbers");
+    waits.sort_by(f64::total_cmp);
+    format!(
+        "{} frames, {} pictures, a frame {}, a round while it moves {} ms (median, p95, p99, worst), {:.2} of them over the target, step to picture {:.0} ms (median of {})",
+        report["frames"],
+        report["pictures"],
+        report["frame_ms"],
+        report["moving_ms"],
+        report["moving_over_target"].as_f64().unwrap_or(1.0),
+        waits[waits.len() / 2],
+        waits.len()
+    )
+}
+
+/// Frames of a path played in the window: with panels and without, and with targets for a round's time.
 #[test]
-#[ignore = "a minute: what panels cost, for docs/MEASUREMENTS.md"]
-fn what_panels_cost() {
+#[ignore = "three minutes: what panels cost and targets give, for docs/MEASUREMENTS.md"]
+fn what_a_window_costs() {
     let desktop = Desktop::start([1100, 700]);
     let folder = Folder::new("view");
     let [_, target, up] = BEGIN;
@@ -277,34 +311,12 @@ fn what_panels_cost() {
     let scene = folder.write("scene.toml", scene_text(BEGIN) + &more);
     for turn in 0..3 {
         for panels in ["none", "some", "all"] {
-            let report = folder.path("report.json");
-            let child = view(&scene, &desktop.display, [640, 480])
-                .args(["--panels", panels, "--report"])
-                .arg(&report)
-                .spawn()
-                .expect("the binary runs");
-            let window = desktop.window("scene.toml");
-            desktop.still(STILL);
-            desktop.focus(window);
-            desktop.keys(&[u32::from(b'p')]);
-            std::thread::sleep(Duration::from_secs(5));
-            desktop.still(STILL);
-            desktop.close(window);
-            let run = Run::of(child.wait_with_output().expect("an end"));
-            assert_eq!(run.code, Some(0), "{}", run.stderr);
-            let text = std::fs::read_to_string(&report).expect("a report");
-            let report: serde_json::Value = serde_json::from_str(&text).expect("JSON");
-            let mut waits: Vec<f64> =
-                serde_json::from_value(report["input_ms"].clone()).expect("numbers");
-            waits.sort_by(f64::total_cmp);
-            println!(
-                "turn {turn}, panels {panels}: {} frames, {} pictures, a frame {} ms (median, p95, worst), step to picture {:.0} ms (median of {})",
-                report["frames"],
-                report["pictures"],
-                report["frame_ms"],
-                waits[waits.len() / 2],
-                waits.len()
-            );
+            let line = played(&desktop, &folder, &scene, &["--panels", panels]);
+            println!("turn {turn}, panels {panels}: {line}");
+        }
+        for target in ["1e9", "120", "60", "30"] {
+            let line = played(&desktop, &folder, &scene, &["--frame-ms", target]);
+            println!("turn {turn}, target {target} ms: {line}");
         }
     }
 }

@@ -223,7 +223,8 @@ impl Machine {
     }
 
     /// Rounds, the last picture's passes, and queues side by side.
-    pub fn time(&mut self, ui: &mut Ui, shown: &Shown) -> Vec<Command> {
+    pub fn time(&mut self, ui: &mut Ui, doing: &Doing<'_>) -> Vec<Command> {
+        let shown = doing.shown;
         let mut commands = Vec::new();
         ui.label(if shown.converged { "converged" } else { "drawing" });
         let mut sorted: Vec<f64> = self.rounds.iter().map(|round| round.ms).collect();
@@ -231,7 +232,7 @@ impl Machine {
         if let (Some(last), Some(worst)) = (self.rounds.back(), sorted.last()) {
             let p95 = sorted[(sorted.len() - 1) * 95 / 100];
             ui.label(format!("round {:.0} ms, p95 {p95:.0} ms, worst {worst:.0} ms", last.ms));
-            self.graph(ui, *worst);
+            self.graph(ui, *worst, doing.frame_ms);
         }
         if let Some(statistics) = &shown.statistics {
             ui.label(format!(
@@ -264,7 +265,7 @@ impl Machine {
     }
 
     /// A column for each round, the newest on the right; below it, what it copied.
-    fn graph(&self, ui: &mut Ui, worst: f64) {
+    fn graph(&self, ui: &mut Ui, worst: f64, target: f64) {
         let (response, painter) = ui.allocate_painter(vec2(WIDTH - 30.0, 76.0), Sense::hover());
         let area = response.rect;
         painter.rect_filled(area, 2.0, Color32::from_gray(20));
@@ -283,8 +284,13 @@ impl Machine {
             let below = area.bottom() - middle - 3.0;
             column(area.bottom(), below, *bytes as f64 / most, COLORS[0]);
         }
+        if target < worst {
+            let y = middle - 0.7 * area.height() * (target / worst) as f32;
+            let ends = [pos2(area.left(), y), pos2(area.right(), y)];
+            painter.line_segment(ends, Stroke::new(1.0, COLORS[3]));
+        }
         response
-            .on_hover_text("above: milliseconds of the last rounds; below: bytes that each copied");
+            .on_hover_text("above: milliseconds of the last rounds, and what one may take while something moves; below: bytes that each copied");
     }
 }
 

@@ -57,6 +57,8 @@ pub struct Doing<'a> {
     pub camera: &'a Camera,
     /// What happened lately.
     pub trace: &'a Trace,
+    /// Milliseconds that a round may take while something moves.
+    pub frame_ms: f64,
     /// Frames of the path written or shown, and all of them, while it goes along.
     pub along: Option<[usize; 2]>,
     /// Clicks are distances.
@@ -200,7 +202,7 @@ impl Panels {
             changed |= quality::show(ui, &mut scene.quality, &original.quality, doing);
         });
         section(ui, "Memory", true, |ui| machine.memory(ui, doing.shown));
-        section(ui, "Time", true, |ui| commands.extend(machine.time(ui, doing.shown)));
+        section(ui, "Time", true, |ui| commands.extend(machine.time(ui, doing)));
         section(ui, "Cameras and files", *all, |ui| {
             commands.extend(cameras.show(ui, scene, doing));
         });
