@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::gpu::{WindowSurface, Windows};
 use crate::viewer::painting::Work;
 use crate::viewer::screens::{Screens, SideWindow};
-use crate::viewer::steering::steer;
+use crate::viewer::steering::{pressed, steer};
 use crate::viewer::window::lock;
 use crate::viewer::{Camera, Shown};
 
@@ -155,10 +155,9 @@ pub struct SideDid {
 
 impl Hand {
     fn picture(&mut self, context: &Context) {
-        let (happens, closes) = context.input(|input| {
-            let quits = input.modifiers.command && input.key_pressed(egui::Key::Q);
-            (!input.events.is_empty(), quits || input.viewport().close_requested())
-        });
+        let (happens, closes) =
+            context.input(|input| (!input.events.is_empty(), input.viewport().close_requested()));
+        let closes = closes || pressed(context).contains(&(egui::Key::Q, true));
         if happens {
             self.settling = SETTLING_FRAMES;
         }

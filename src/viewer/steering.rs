@@ -11,7 +11,7 @@
 //! | 1 to 6 | front, back, left, right, top, bottom |
 //! | Home, R | back to where it began |
 
-use egui::{Context, Key, PointerButton, Response};
+use egui::{Context, Event, Key, PointerButton, Response};
 
 use crate::viewer::{Along, Camera};
 
@@ -62,17 +62,22 @@ pub fn steer(context: &Context, response: &Response, camera: &mut Camera, height
     *camera != before
 }
 
+/// Keys that were pressed since the last frame, and whether Ctrl was held as each was: a slow frame may see it let go
+/// again.
+pub fn pressed(context: &Context) -> Vec<(Key, bool)> {
+    let key = |event: &Event| match event {
+        Event::Key { key, pressed: true, repeat: false, modifiers, .. } => {
+            Some((*key, modifiers.command))
+        }
+        _ => None,
+    };
+    context.input(|input| input.events.iter().filter_map(key).collect())
+}
+
 fn by_keys(context: &Context, camera: &mut Camera) {
-    let (seconds, down, pressed) = context.input(|input| {
-        let keys = input.keys_down.clone();
-        let pressed: Vec<Key> = ALONG
-            .iter()
-            .map(|(key, _)| *key)
-            .chain([Key::Home, Key::R])
-            .filter(|key| input.key_pressed(*key))
-            .collect();
-        (f64::from(input.stable_dt.min(0.1)), keys, pressed)
-    });
+    let pressed: Vec<Key> = pressed(context).into_iter().map(|(key, _)| key).collect();
+    let (seconds, down) =
+        context.input(|input| (f64::from(input.stable_dt.min(0.1)), input.keys_down.clone()));
     for (key, along) in ALONG {
         if pressed.contains(&key) {
             camera.look_along(along);

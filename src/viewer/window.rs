@@ -27,7 +27,7 @@ use crate::viewer::report::percentiles;
 use crate::viewer::request::{Files, Request};
 use crate::viewer::screens::Screens;
 use crate::viewer::side_windows::Side;
-use crate::viewer::steering::steer;
+use crate::viewer::steering::{pressed, steer};
 use crate::viewer::{Camera, Live, PICTURE_EDGE_MAX, Report, Shown, Wanted};
 
 /// Longer than this without input, and the picture is drawn at its full size.
@@ -474,10 +474,8 @@ impl Viewer {
 impl App for Viewer {
     fn ui(&mut self, context: &egui::Context) {
         let is_new = self.take_picture();
-        let (events, quits) = context.input(|input| {
-            let quits = input.modifiers.command && input.key_pressed(egui::Key::Q);
-            (!input.events.is_empty(), quits)
-        });
+        let events = context.input(|input| !input.events.is_empty());
+        let quits = pressed(context).contains(&(egui::Key::Q, true));
         if quits {
             self.exit.send(ExitCode::SUCCESS);
         }

@@ -18,6 +18,7 @@ use crate::viewer::error_meter::Measured;
 use crate::viewer::panels::cameras::Cameras;
 use crate::viewer::panels::channels::ChannelsPanel;
 use crate::viewer::panels::machine::Machine;
+use crate::viewer::steering::pressed;
 use crate::viewer::{Along, Camera, Shown};
 
 /// What somebody wants the window to do.
@@ -214,25 +215,22 @@ impl Panels {
         if context.wants_keyboard_input() {
             return;
         }
-        let (pressed, control) = context.input(|input| {
-            let keys = [Key::Tab, Key::S, Key::E, Key::T, Key::B, Key::M, Key::P];
-            (keys.map(|key| input.key_pressed(key)), input.modifiers.command)
-        });
-        let [tab, save, export, trace, keep, measure, path] = pressed;
-        self.open ^= tab;
+        let pressed = pressed(context);
+        self.open ^= pressed.iter().any(|(key, _)| *key == Key::Tab);
         let goes = doing.along.is_some();
-        let mut does = |pressed: bool, with_control: bool, command: &dyn Fn() -> Command| {
-            if pressed && control == with_control {
-                self.commands.push(command());
-            }
-        };
-        does(save, true, &|| self.cameras.save());
-        does(export, true, &|| self.cameras.export());
-        does(trace, true, &|| self.machine.save());
-        does(keep, false, &|| Command::Keep(self.cameras.free_name(&self.scene)));
-        does(measure, false, &|| Command::Measure(!doing.measures));
-        does(path, false, &|| if goes { Command::Stop } else { Command::Play });
-        does(path, true, &|| if goes { Command::Stop } else { self.cameras.export_path() });
+        for (key, control) in pressed {
+            self.commands.push(match (key, control) {
+                (Key::S, true) => self.cameras.save(),
+                (Key::E, true) => self.cameras.export(),
+                (Key::T, true) => self.machine.save(),
+                (Key::B, false) => Command::Keep(self.cameras.free_name(&self.scene)),
+                (Key::M, false) => Command::Measure(!doing.measures),
+                (Key::P, _) if goes => Command::Stop,
+                (Key::P, false) => Command::Play,
+                (Key::P, true) => self.cameras.export_path(),
+                _ => continue,
+            });
+        }
     }
 }
 
