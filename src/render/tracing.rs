@@ -115,10 +115,11 @@ impl Paged {
     }
 
     /// Rays asked for bricks that are not there, and slots of others were given to the host for them.
-    pub(super) fn trace_wanted(&self) {
+    pub(super) fn trace_wanted(&mut self) {
+        let evicted = self.host.slots.take_evicted();
         let Some(trace) = &self.trace else { return };
-        let evicted = BrickStep::Evicted(self.residency.round());
-        trace.bricks(self.host.slots.evicted.iter().map(|id| (*id, evicted)));
+        let step = BrickStep::Evicted(self.residency.round());
+        trace.bricks(evicted.into_iter().map(|id| (id, step)));
         trace.wanted(self.host.wanted());
     }
 

@@ -445,6 +445,7 @@ impl HostCache {
             arrived && keep
         });
         if !keep {
+            self.slots.forget_channel(in_source);
             self.bound.retain(|id, bound| {
                 if !stays(id) {
                     self.pool[place.atlas].push(bound.slot);

@@ -18,14 +18,13 @@ pub struct SlotBrick {
 pub struct SlotMap {
     slots: Vec<Option<SlotBrick>>,
     round: u32,
-    /// Bricks that the last report's grants took away.
-    pub evicted: Vec<BrickId>,
+    /// Bricks that went and that nobody was told of yet.
+    evicted: Vec<BrickId>,
 }
 
 impl SlotMap {
     pub fn next_round(&mut self) {
         self.round = self.round.wrapping_add(1);
-        self.evicted.clear();
     }
 
     /// A brick was copied into its slot.
@@ -43,8 +42,22 @@ impl SlotMap {
         self.evicted.extend(held.map(|held| held.brick));
     }
 
+    /// The device forgets all bricks of a channel of the source.
+    pub fn forget_channel(&mut self, channel: u16) {
+        for slot in &mut self.slots {
+            let forgotten = slot.take_if(|held| held.brick.channel == channel);
+            self.evicted.extend(forgotten.map(|held| held.brick));
+        }
+    }
+
+    /// The device forgets all.
     pub fn clear(&mut self) {
-        self.slots.clear();
+        self.evicted.extend(self.slots.drain(..).flatten().map(|held| held.brick));
+    }
+
+    /// Bricks that went since the last time.
+    pub fn take_evicted(&mut self) -> Vec<BrickId> {
+        std::mem::take(&mut self.evicted)
     }
 
     /// Bricks that rays have used in this round of the cache, and not before. `used`: by slot, the round in which
@@ -87,10 +100,15 @@ mod tests {
         map.freed(2);
         map.freed(1);
         map.freed(9);
-        assert_eq!(map.evicted, [id(7)]);
-        map.next_round();
-        assert!(map.evicted.is_empty());
+        assert_eq!(map.take_evicted(), [id(7)]);
+        assert!(map.take_evicted().is_empty());
         map.filled(2, id(9));
         assert_eq!(map.newly_sampled(&[7, 7, 7], 7), [id(9)], "another brick is sampled anew");
+        let other = BrickId { channel: 1, ..id(9) };
+        map.filled(4, other);
+        map.forget_channel(0);
+        assert_eq!((map.used(), map.take_evicted()), (1, vec![id(8), id(9)]));
+        map.clear();
+        assert_eq!((map.used(), map.take_evicted()), (0, vec![other]));
     }
 }
