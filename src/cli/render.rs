@@ -16,7 +16,7 @@ use crate::cli::views_flags::{Pictures, ViewsFlags};
 use crate::error::{Error, Exit, Result};
 use crate::gpu::{Gpu, ShaderCompiler};
 use crate::render::{Addressing, Plan, Renderer, SceneChange, SceneData, Settings, Statistics};
-use crate::scene::View;
+use crate::scene::{Scene, View};
 use crate::study::error_estimate::{Coverage, Drawing, Drawn, DrawnBy, ErrorEstimate};
 use crate::study::layout_price;
 
@@ -119,10 +119,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let results = Results { views: Vec::new() };
     let mut written = Written { arguments, outputs: &outputs, pictures, results };
     let drawn = written.draw_views(&mut renderer, later.chunks(at_once), &mut |before, views| {
-        let mut scene = data.scene.clone();
-        scene.views = views;
-        let data = data.again(scene)?;
-        match SceneChange::new(&gpu, &compiler, before.plan(), data.again(data.scene.clone())?) {
+        let data = data.again(Scene { views, ..data.scene.clone() })?;
+        let change = data.again(data.scene.clone());
+        match change.and_then(|data| SceneChange::new(&gpu, &compiler, before.plan(), data)) {
             Ok(change) => before.change(change),
             // Voxels drawn directly belong to their renderer.
             Err(_) => {

@@ -5,7 +5,6 @@ use clap::Args;
 use crate::error::{Error, Result};
 use crate::render::{SceneData, StereoLayout};
 use crate::scene::{Stereo, View};
-use crate::viewer::screens::SEPARATION_OF_DISTANCE;
 #[cfg(feature = "viewer")]
 use crate::viewer::{EyesLayout, Screens};
 
@@ -51,9 +50,8 @@ impl StereoFlags {
         let size = data.scene.picture.size;
         let mut eyes = Vec::new();
         for view in &data.scene.views {
-            let distance = distance.unwrap_or(view.distance_to(middle));
-            let separation = separation.unwrap_or(distance * SEPARATION_OF_DISTANCE);
-            let pair = Stereo { separation, distance }.eyes(view, size);
+            let stereo = Stereo::or_comfortable(separation, distance, view.distance_to(middle));
+            let pair = stereo.eyes(view, size);
             eyes.extend(pair.ok_or_else(|| no_eyes(view))?);
         }
         data.scene.views = eyes;

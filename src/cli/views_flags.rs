@@ -30,7 +30,7 @@ pub struct ViewsFlags {
 pub struct Pictures {
     /// Of the pictures, in order.
     pub names: Vec<String>,
-    become_: Become,
+    made_as: Become,
 }
 
 enum Become {
@@ -61,12 +61,12 @@ impl ViewsFlags {
             }
             let wall = Wall::load(file)?;
             data.scene.views = wall.views(&wall.base(&data.scene.views[0]));
-            return Ok(Pictures { names: names(data), become_: Become::Screens(wall.screens) });
+            return Ok(Pictures { names: names(data), made_as: Become::Screens(wall.screens) });
         }
         let of_pictures = names(data);
         Ok(match self.stereo.apply(data)? {
-            Some(layout) => Pictures { names: of_pictures, become_: Become::Joined(layout) },
-            None => Pictures { names: names(data), become_: Become::Pictures },
+            Some(layout) => Pictures { names: of_pictures, made_as: Become::Joined(layout) },
+            None => Pictures { names: names(data), made_as: Become::Pictures },
         })
     }
 
@@ -88,17 +88,17 @@ impl ViewsFlags {
 impl Pictures {
     /// Views that one picture is made of.
     pub fn views_each(&self) -> usize {
-        if matches!(self.become_, Become::Joined(_)) { 2 } else { 1 }
+        if matches!(self.made_as, Become::Joined(_)) { 2 } else { 1 }
     }
 
     /// Whether pictures are those of the views, pixel by pixel.
     pub fn are_plain(&self) -> bool {
-        matches!(self.become_, Become::Pictures)
+        matches!(self.made_as, Become::Pictures)
     }
 
     /// Picture `index`, made of the view's that was drawn, or of two eyes'.
     pub fn made(&self, index: usize, drawn: Picture, right_eye: Option<&Picture>) -> Picture {
-        match (&self.become_, right_eye) {
+        match (&self.made_as, right_eye) {
             (Become::Joined(layout), Some(right)) => layout.joined(&drawn, right),
             (Become::Screens(screens), _) => drawn.on_screen(&screens[index]),
             _ => drawn,

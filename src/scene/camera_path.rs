@@ -51,13 +51,7 @@ impl CameraPath {
                 first.name, other.name
             ));
         }
-        let mut knots: Vec<Knot> = views.iter().map(|view| Knot::of(view, middle)).collect();
-        for next in 1..knots.len() {
-            // The shorter way around.
-            if knots[next].turn.dot(knots[next - 1].turn) < 0.0 {
-                knots[next].turn = -knots[next].turn;
-            }
-        }
+        let knots: Vec<Knot> = views.iter().map(|view| Knot::of(view, middle)).collect();
         let pieces = if self.closed { knots.len() } else { knots.len() - 1 };
         let digits = self.frames.saturating_sub(1).to_string().len().max(4);
         // The last frame of an open way is its last view; a closed one meets its first again one frame later.
@@ -111,7 +105,7 @@ impl Knot {
         let at = piece as i64;
         let mut around = [knot(at - 1), knot(at), knot(at + 1), knot(at + 2)];
         for next in 1..4 {
-            // Around the end of a closed way signs may differ again.
+            // The shorter way around.
             if around[next].turn.dot(around[next - 1].turn) < 0.0 {
                 around[next].turn = -around[next].turn;
             }

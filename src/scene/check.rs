@@ -12,7 +12,7 @@ use crate::scene::check_channel::checked_level;
 use crate::scene::file::{PathFile, RawFile, SceneFile, SourceFile, ViewFile, VolumeFile};
 use crate::scene::{
     CameraPath, Filter, Integrator, Memory, Overrides, Picture, Place, Projection, Quality, Refine,
-    Scene, Source, View, Volume,
+    Scene, Source, View, Volume, names_files,
 };
 use crate::volume::{RawLayout, Size3, VoxelFormat, WorldFromVoxel};
 
@@ -186,7 +186,7 @@ impl Check<'_> {
             }
             views.push(view);
         }
-        let path = file.path.map(|path| self.path(path.into_inner(), &views)).transpose()?;
+        let path = file.path.map(|path| self.path(path, &views)).transpose()?;
         Ok(Scene { picture, quality, memory, volumes, views, path })
     }
 
@@ -488,9 +488,7 @@ impl Check<'_> {
         let name = match file.name.map(|name| self.located(name)) {
             None => format!("view{index}"),
             Some(name) => {
-                // The name becomes part of file names.
-                let plain = |c: char| c.is_alphanumeric() || "-_ ".contains(c);
-                if name.value.trim().is_empty() || !name.value.chars().all(plain) {
+                if !names_files(&name.value) {
                     return Err(name.place.error(format!(
                         "view \"{}\": a view's name is made of letters, digits, blanks, - and _",
                         name.value.escape_debug()

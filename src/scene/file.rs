@@ -19,7 +19,7 @@ pub(super) struct SceneFile {
     pub volume: Vec<Spanned<VolumeFile>>,
     #[serde(default)]
     pub view: Vec<Spanned<ViewFile>>,
-    pub path: Option<Spanned<PathFile>>,
+    pub path: Option<PathFile>,
 }
 
 #[derive(Deserialize)]

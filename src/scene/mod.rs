@@ -30,6 +30,12 @@ pub use transfer::{TransferFunction, TransferPoint};
 pub use view::{Part, Projection, RayFrame, View};
 pub use wall::{Screen, Wall};
 
+/// Whether a name may become part of a file's: letters, digits, blanks, - and _, and not blanks alone.
+pub(crate) fn names_files(name: &str) -> bool {
+    let plain = |c: char| c.is_alphanumeric() || "-_ ".contains(c);
+    !name.trim().is_empty() && name.chars().all(plain)
+}
+
 /// All that a picture depends on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {

@@ -15,7 +15,20 @@ pub struct Stereo {
     pub distance: f64,
 }
 
+/// From eye to eye, as a part of the way to the screen: comfortable for most.
+const SEPARATION_OF_DISTANCE: f64 = 1.0 / 30.0;
+
 impl Stereo {
+    /// What is given, else what is comfortable: the screen where the middle is, `to_middle` from the eyes.
+    pub fn or_comfortable(
+        separation: Option<f64>,
+        distance: Option<f64>,
+        to_middle: f64,
+    ) -> Stereo {
+        let distance = distance.unwrap_or(to_middle);
+        Stereo { separation: separation.unwrap_or(SEPARATION_OF_DISTANCE * distance), distance }
+    }
+
     /// The left and the right eye of a view whose picture has `size` pixels: half the separation to either side,
     /// with one rectangle at the screen's distance. Nothing for parallel rays, which have no eye.
     pub fn eyes(&self, view: &View, size: [u32; 2]) -> Option<[View; 2]> {

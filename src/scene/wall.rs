@@ -12,7 +12,7 @@ use glam::{DMat3, DVec3};
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
-use crate::scene::{Part, Projection, View};
+use crate::scene::{Part, Projection, View, names_files};
 
 /// The screens of a wall, checked.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,13 +75,6 @@ struct ScreenFile {
     window: Option<[i32; 2]>,
 }
 
-/// What an eye sees of one screen.
-struct Seen {
-    axes: DMat3,
-    bounds: [f64; 4],
-    size: [u32; 2],
-}
-
 impl Wall {
     /// Reads and checks a wall's file.
     ///
@@ -120,16 +113,14 @@ impl Wall {
         }
         let mut names = HashSet::new();
         let mut screens = Vec::new();
-        let mut seen = Vec::new();
         for (index, of_file) in file.screen.iter().enumerate() {
-            let (screen, of_screen) = Screen::checked(index, of_file, eye)?;
+            let screen = Screen::checked(index, of_file, eye)?;
             if !names.insert(screen.name.clone()) {
                 return Err(format!("two screens are named \"{}\"", screen.name));
             }
             screens.push(screen);
-            seen.push(of_screen);
         }
-        join(&mut screens, &seen);
+        join(&mut screens);
         Ok(Wall { eye_world: world.then_some(eye), screens })
     }
 
@@ -183,14 +174,9 @@ impl Wall {
 }
 
 impl Screen {
-    fn checked(
-        index: usize,
-        file: &ScreenFile,
-        eye: DVec3,
-    ) -> std::result::Result<(Screen, Seen), String> {
+    fn checked(index: usize, file: &ScreenFile, eye: DVec3) -> std::result::Result<Screen, String> {
         let name = file.name.clone().unwrap_or_else(|| format!("screen{index}"));
-        let plain = |c: char| c.is_alphanumeric() || "-_ ".contains(c);
-        if name.trim().is_empty() || !name.chars().all(plain) {
+        if !names_files(&name) {
             let name = name.escape_debug();
             return Err(format!(
                 "screen \"{name}\": a name is made of letters, digits, blanks, - and _"
@@ -257,12 +243,10 @@ impl Screen {
             along(top_left, upwards),
         ];
         let axes = DMat3::from_cols(across, upwards, normal);
-        let seen = Seen { axes, bounds, size };
         let part = Part::whole(size);
         let overlap = [left, right, top, bottom];
         let window = file.window;
-        let screen = Screen { name, size: own, quarter_turns, overlap, window, axes, bounds, part };
-        Ok((screen, seen))
+        Ok(Screen { name, size: own, quarter_turns, overlap, window, axes, bounds, part })
     }
 }
 
@@ -277,7 +261,9 @@ fn place(of: [f64; 3]) -> Option<DVec3> {
 }
 
 /// Makes screens of one plane and one grid of pixels parts of one picture.
-fn join(screens: &mut [Screen], seen: &[Seen]) {
+fn join(screens: &mut [Screen]) {
+    // As each is seen alone.
+    let seen = screens.to_vec();
     let mut joined = vec![false; seen.len()];
     for first in 0..seen.len() {
         if std::mem::replace(&mut joined[first], true) {
@@ -294,7 +280,7 @@ fn join(screens: &mut [Screen], seen: &[Seen]) {
         let least = |axis: usize| group.iter().map(|(_, offset)| offset[axis]).min().unwrap_or(0);
         let least = [least(0), least(1)];
         let end = |axis: usize| {
-            let ends = group.iter().map(|(at, o)| o[axis] + i64::from(seen[*at].size[axis]));
+            let ends = group.iter().map(|(at, o)| o[axis] + i64::from(seen[*at].part.size[axis]));
             ends.max().unwrap_or(1)
         };
         let of = [0, 1].map(|axis: usize| (end(axis) - least[axis]) as u32);
@@ -307,21 +293,21 @@ fn join(screens: &mut [Screen], seen: &[Seen]) {
             screens[at].part = Part {
                 of,
                 first: [0, 1].map(|axis: usize| (offset[axis] - least[axis]) as u32),
-                size: seen[at].size,
+                size: seen[at].part.size,
             };
         }
     }
 }
 
-impl Seen {
-    /// Edges of a pixel at distance 1.
+impl Screen {
+    /// Edges of a pixel at distance 1, of a screen that is seen alone.
     fn pitch(&self) -> [f64; 2] {
-        let [left, right, bottom, top] = self.bounds;
-        [(right - left) / f64::from(self.size[0]), (top - bottom) / f64::from(self.size[1])]
+        let ([left, right, bottom, top], size) = (self.bounds, self.part.size);
+        [(right - left) / f64::from(size[0]), (top - bottom) / f64::from(size[1])]
     }
 
     /// Pixels to the right and down at which `other` begins, if both lie in one plane on one grid.
-    fn offset_of(&self, other: &Seen) -> Option<[i64; 2]> {
+    fn offset_of(&self, other: &Screen) -> Option<[i64; 2]> {
         let turned = (self.axes - other.axes).to_cols_array().iter().any(|part| part.abs() > 1e-9);
         let pitch = self.pitch();
         let begins = [
@@ -335,7 +321,7 @@ impl Seen {
         let on_grid = |at: f64| (at - at.round()).abs() < GRID_WITHIN && at.abs() < 1e6;
         let fits = (0..2).all(|axis| {
             let size = ends[axis].round() - begins[axis].round();
-            on_grid(begins[axis]) && on_grid(ends[axis]) && size == f64::from(other.size[axis])
+            on_grid(begins[axis]) && on_grid(ends[axis]) && size == f64::from(other.part.size[axis])
         });
         (!turned && fits).then(|| begins.map(|at| at.round() as i64))
     }

@@ -113,7 +113,7 @@ impl Trace {
     pub fn count(&self, counter: Counter, value: u64) {
         let mut filled = self.filled();
         if filled.counted[counter as usize].replace(value) != Some(value) {
-            let at_ns = signed_ns(self.start, Instant::now()) as i64;
+            let at_ns = self.now_ns();
             self.push(&mut filled, Event::Count { counter, at_ns, value });
         }
     }
@@ -121,7 +121,7 @@ impl Trace {
     /// Records bricks that rays ask for; of each, the first time.
     pub fn wanted(&self, bricks: impl Iterator<Item = BrickId>) {
         let mut filled = self.filled();
-        let at_ns = signed_ns(self.start, Instant::now()) as i64;
+        let at_ns = self.now_ns();
         // Those that turn out to show nothing are never published.
         if filled.wanted.len() >= self.options.events_max {
             filled.wanted.clear();
@@ -136,7 +136,7 @@ impl Trace {
     /// Records what happens to bricks now.
     pub fn bricks(&self, bricks: impl Iterator<Item = (BrickId, BrickStep)>) {
         let mut filled = self.filled();
-        let at_ns = signed_ns(self.start, Instant::now()) as i64;
+        let at_ns = self.now_ns();
         for (id, step) in bricks {
             if matches!(step, BrickStep::Published(_)) {
                 filled.wanted.remove(&id);
@@ -217,6 +217,10 @@ impl Trace {
             too_early < LATEST_AMONG
         });
         recent.filter(|span| !early(span)).copied().collect()
+    }
+
+    fn now_ns(&self) -> i64 {
+        signed_ns(self.start, Instant::now()) as i64
     }
 
     pub(super) fn filled(&self) -> MutexGuard<'_, Filled> {

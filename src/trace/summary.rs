@@ -115,8 +115,6 @@ const STALLS: [(&str, &str); 3] = [
     ("wait for half", "transfer for a staging half"),
 ];
 
-type Times = Vec<[f64; 2]>;
-
 /// Spans, instants and names of a trace's file.
 #[derive(Default)]
 struct Read<'a> {
@@ -143,7 +141,7 @@ impl Summary {
         }
         let wall_ms = (end - begin) * 1e-3;
         let queue = |name: &str| read.tracks.iter().find(|(track, _)| track.starts_with(name));
-        let busy = |name: &str| -> Option<(Busy, Times)> {
+        let busy = |name: &str| -> Option<(Busy, Vec<[f64; 2]>)> {
             let (track, spans) = queue(name)?;
             let joined = joined(spans.iter().map(|(_, times)| *times).collect());
             let ms = length(&joined) * 1e-3;
@@ -152,9 +150,7 @@ impl Summary {
         };
         let (render, transfer) = (busy("render queue"), busy("transfer queue"));
         let overlap = match (&render, &transfer) {
-            (Some((_, rays)), Some((_, copies))) if !copies.is_empty() => {
-                Some(shared(copies, rays) / length(copies).max(1e-9))
-            }
+            (Some((_, rays)), Some((_, copies))) => overlap(copies, rays),
             _ => None,
         };
         let mut summary = Summary {
@@ -302,10 +298,20 @@ impl Percentiles {
     }
 }
 
+/// Of the time in which one queue copied, the part in which the other was busy, too; nothing where it copied nothing.
+/// Both as [`joined`] gives them.
+pub fn overlap(copies: &[[f64; 2]], rays: &[[f64; 2]]) -> Option<f64> {
+    let both = |copy: &[f64; 2]| -> f64 {
+        rays.iter().map(|ray| (copy[1].min(ray[1]) - copy[0].max(ray[0])).max(0.0)).sum()
+    };
+    let all = length(copies);
+    (all > 0.0).then(|| copies.iter().map(both).sum::<f64>() / all)
+}
+
 /// The same times, sorted, without overlaps among themselves.
-pub fn joined(mut times: Times) -> Times {
+pub fn joined(mut times: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     times.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    let mut joined: Times = Vec::new();
+    let mut joined: Vec<[f64; 2]> = Vec::new();
     for [begin, end] in times {
         match joined.last_mut().filter(|last| last[1] >= begin) {
             Some(last) => last[1] = last[1].max(end),
@@ -316,14 +322,6 @@ pub fn joined(mut times: Times) -> Times {
 }
 
 /// Of times without overlaps.
-pub fn length(times: &[[f64; 2]]) -> f64 {
+fn length(times: &[[f64; 2]]) -> f64 {
     times.iter().map(|[begin, end]| end - begin).sum()
-}
-
-/// Time that is in both.
-pub fn shared(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
-    let both = |of: &[f64; 2]| -> f64 {
-        b.iter().map(|other| (of[1].min(other[1]) - of[0].max(other[0])).max(0.0)).sum()
-    };
-    a.iter().map(both).sum()
 }

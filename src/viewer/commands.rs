@@ -107,23 +107,20 @@ impl Viewer {
         }
         context.request_repaint();
         let before = self.camera.view().clone();
+        let asked = self.camera.view() == along.view();
         let goes_on = match along.writes.clone() {
             None => along.by_clock(),
-            Some(path) => {
-                let is_first = self.camera.view() != along.view();
-                // The first frame has not been asked for yet; others are written once they are there.
-                if is_first || !self.is_finished() {
-                    true
-                } else {
-                    match self.write_frame(&path, &mut along) {
-                        Ok(goes_on) => goes_on,
-                        Err(why) => {
-                            self.panels.tell(Err(why));
-                            return false;
-                        }
+            Some(path) if asked && self.is_finished() => {
+                match self.write_frame(&path, &mut along) {
+                    Ok(goes_on) => goes_on,
+                    Err(why) => {
+                        self.panels.tell(Err(why));
+                        return false;
                     }
                 }
             }
+            // It is not there yet.
+            Some(_) => true,
         };
         if goes_on || along.writes.is_none() {
             self.camera.go_to(along.view().clone(), self.middle);

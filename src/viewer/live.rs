@@ -292,7 +292,7 @@ impl Drawer {
 
 /// The pictures of one scene's views as far as they have come.
 struct DrawnViews<'a> {
-    pictures: Vec<Option<Picture>>,
+    pictures: Vec<Option<Arc<Picture>>>,
     wanted: &'a Wanted,
     number: u64,
     drawer: &'a Drawer,
@@ -304,7 +304,7 @@ impl DrawnViews<'_> {
         self.drawer.trace.count(Counter::FrameTime, (round_ms * 1e3) as u64);
         // Views are finished from the last one on.
         let is_first = round.round == 1 && view + 1 == self.pictures.len();
-        self.pictures[view] = Some(round.picture);
+        self.pictures[view] = Some(Arc::new(round.picture));
         let (cache, bricks_uploaded) = (Arc::new(round.cache), round.bricks_uploaded);
         self.show(|shown| {
             shown.converged = false;
@@ -318,7 +318,7 @@ impl DrawnViews<'_> {
     }
 
     fn finish(&mut self, view: usize, picture: Picture, statistics: Statistics) {
-        self.pictures[view] = Some(picture);
+        self.pictures[view] = Some(Arc::new(picture));
         self.show(|shown| {
             // The first view is refined last.
             shown.converged = view == 0;
@@ -329,14 +329,15 @@ impl DrawnViews<'_> {
 
     /// Once there is a picture of every view.
     fn show(&self, change: impl FnOnce(&mut Shown)) {
-        let pictures: Option<Vec<&Picture>> = self.pictures.iter().map(Option::as_ref).collect();
+        let pictures: Option<Vec<Arc<Picture>>> = self.pictures.iter().cloned().collect();
         let Some(pictures) = pictures else { return };
         let (picture, others) = self.wanted.screens.of_windows(&pictures, self.wanted.wider);
         let bytes = Arc::new(srgb_bytes(&picture));
-        let side = |of: &Picture| SidePicture { size: of.size, bytes: Arc::new(srgb_bytes(of)) };
+        let side =
+            |of: &Arc<Picture>| SidePicture { size: of.size, bytes: Arc::new(srgb_bytes(of)) };
         let others = others.iter().map(side).collect();
         self.drawer.shared.show(|shown| {
-            shown.picture = Some(Arc::new(picture));
+            shown.picture = Some(picture);
             shown.bytes = bytes;
             shown.others = others;
             shown.scene = self.number;

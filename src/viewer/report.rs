@@ -1,7 +1,5 @@
 //! What a window did, for whoever measures it.
 
-use std::collections::VecDeque;
-
 use serde::Serialize;
 
 /// As `ashfall view --report` writes it when the window closes.
@@ -50,8 +48,8 @@ pub struct Report {
 }
 
 /// The middle one of some milliseconds, the 95th and the 99th of 100, and the worst; 0 where there are none.
-pub fn percentiles(ms: &VecDeque<f32>) -> [f32; 4] {
-    let mut sorted: Vec<f32> = ms.iter().copied().collect();
+pub fn percentiles(ms: impl Iterator<Item = f32>) -> [f32; 4] {
+    let mut sorted: Vec<f32> = ms.collect();
     sorted.sort_by(f32::total_cmp);
     let last = sorted.len().saturating_sub(1);
     [50, 95, 99, 100].map(|part| sorted.get(last * part / 100).copied().unwrap_or(0.0))

@@ -1,6 +1,8 @@
 //! What a camera shows on which screens: one picture, two eyes, or a wall; and how the pictures of its views
 //! come together as one for the windows.
 
+use std::sync::Arc;
+
 use crate::render::{Picture, StereoLayout};
 use crate::scene::{Screen, Stereo, View, Wall};
 
@@ -13,8 +15,8 @@ pub enum Screens {
     Eyes {
         /// How they share a window.
         layout: EyesLayout,
-        /// From eye to eye, and to the plane that seems to lie in the screen; nothing: a thirtieth of the way
-        /// to the pivot, and that way.
+        /// From eye to eye, and to the plane that seems to lie in the screen; nothing: as is comfortable for
+        /// what lies at the pivot.
         separation: Option<f64>,
         /// See `separation`.
         distance: Option<f64>,
@@ -31,9 +33,6 @@ pub enum EyesLayout {
     /// Each in its own; the left eye's is the first.
     TwoWindows,
 }
-
-/// From eye to eye, as a part of the way to the pivot: comfortable for most.
-pub const SEPARATION_OF_DISTANCE: f64 = 1.0 / 30.0;
 
 /// A window beside the first.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,9 +58,7 @@ impl Screens {
         match self {
             Screens::One => Some(vec![camera.clone()]),
             Screens::Eyes { separation, distance: screen, .. } => {
-                let screen = screen.unwrap_or(distance);
-                let separation = separation.unwrap_or(SEPARATION_OF_DISTANCE * screen);
-                let stereo = Stereo { separation, distance: screen };
+                let stereo = Stereo::or_comfortable(*separation, *screen, distance);
                 stereo.eyes(camera, self.picture_size(size, wider)).map(Vec::from)
             }
             Screens::Wall(wall) => Some(wall.coarser(wider).views(camera)),
@@ -84,22 +81,27 @@ impl Screens {
 
     /// The picture of the first window, and those of the others, made of those of all views. Of a wall the first
     /// window shows all screens, one above the other.
-    pub fn of_windows(&self, pictures: &[&Picture], wider: u32) -> (Picture, Vec<Picture>) {
+    pub fn of_windows(
+        &self,
+        pictures: &[Arc<Picture>],
+        wider: u32,
+    ) -> (Arc<Picture>, Vec<Arc<Picture>>) {
         match (self, pictures) {
             (Screens::Eyes { layout: EyesLayout::Joined(layout), .. }, [left, right]) => {
-                (layout.joined(left, right), Vec::new())
+                (Arc::new(layout.joined(left, right)), Vec::new())
             }
             (Screens::Eyes { layout: EyesLayout::TwoWindows, .. }, [left, right]) => {
-                ((*left).clone(), vec![(*right).clone()])
+                (left.clone(), vec![right.clone()])
             }
             (Screens::Wall(wall), _) => {
                 let wall = wall.coarser(wider);
                 let given = wall.screens.iter().zip(pictures);
-                let own = given.map(|(screen, seen)| (*seen).clone().on_screen(screen));
-                let own: Vec<Picture> = own.collect();
-                (stacked(&own), own)
+                let own =
+                    given.map(|(screen, seen)| Arc::new(Picture::clone(seen).on_screen(screen)));
+                let own: Vec<Arc<Picture>> = own.collect();
+                (Arc::new(stacked(&own)), own)
             }
-            (_, [only, ..]) => ((*only).clone(), Vec::new()),
+            (_, [only, ..]) => (only.clone(), Vec::new()),
             (_, []) => unreachable!("a picture of every view"),
         }
     }
@@ -124,11 +126,11 @@ impl Screens {
 }
 
 /// Pictures, one above the other.
-fn stacked(pictures: &[Picture]) -> Picture {
+fn stacked(pictures: &[Arc<Picture>]) -> Picture {
     let width = pictures.iter().map(|picture| picture.size[0]).max().unwrap_or(1);
     let mut pixels = Vec::new();
-    for Picture { size, pixels: of_picture } in pictures {
-        for row in of_picture.chunks_exact(size[0] as usize) {
+    for picture in pictures {
+        for row in picture.pixels.chunks_exact(picture.size[0] as usize) {
             pixels.extend_from_slice(row);
             pixels.resize(pixels.len().next_multiple_of(width as usize), [0.0; 4]);
         }

@@ -12,11 +12,8 @@ use crate::gpu::{WindowSurface, Windows};
 use crate::viewer::painting::Work;
 use crate::viewer::screens::{Screens, SideWindow};
 use crate::viewer::steering::{pressed, steer};
-use crate::viewer::window::lock;
+use crate::viewer::window::{SETTLING_FRAMES, lock};
 use crate::viewer::{Camera, Shown};
-
-/// Frames that are painted though nothing new has come.
-const SETTLING_FRAMES: u32 = 3;
 
 /// One of them.
 pub struct Side {

@@ -458,9 +458,9 @@ impl Viewer {
         report.idle_submits = self.gpu.submits() - submits;
         let number = self.wanted.as_ref().map(|wanted| wanted.number);
         report.converged = self.shown.converged && Some(self.shown.scene) == number;
-        report.frame_ms = percentiles(&lock(&self.work).frames_ms);
+        report.frame_ms = percentiles(lock(&self.work).frames_ms.iter().copied());
         report.frame_target_ms = self.frame_ms;
-        report.moving_ms = percentiles(&self.moving_ms);
+        report.moving_ms = percentiles(self.moving_ms.iter().copied());
         let over = self.moving_ms.iter().filter(|ms| f64::from(**ms) > self.frame_ms).count();
         report.moving_over_target = over as f64 / self.moving_ms.len().max(1) as f64;
         report.error_db = self.measured.error.map(|error| error.psnr_db);

@@ -5,10 +5,10 @@ use std::path::Path;
 use std::process::Child;
 use std::time::{Duration, Instant};
 
-use crate::binary::{Run, ashfall};
+use crate::binary::ashfall;
 use crate::desktop::{Desktop, Shot};
 use crate::folder::Folder;
-use crate::window::{BEGIN, has_no_device, read_png, scene_text, view};
+use crate::window::{BEGIN, close, has_no_device, read_png, scene_text, view};
 
 const STILL: Duration = Duration::from_millis(1500);
 const SIZE: [u32; 2] = [220, 600];
@@ -24,16 +24,6 @@ fn open(desktop: &Desktop, folder: &Folder, scene: &Path) -> (Child, u32) {
     desktop.still(STILL);
     desktop.focus(window);
     (child, window)
-}
-
-fn close(desktop: &Desktop, folder: &Folder, child: Child, window: u32) -> serde_json::Value {
-    desktop.close(window);
-    let run = Run::of(child.wait_with_output().expect("an end"));
-    assert_eq!(run.code, Some(0), "{}", run.stderr);
-    let text = std::fs::read_to_string(folder.path("report.json")).expect("a report");
-    let report: serde_json::Value = serde_json::from_str(&text).expect("JSON");
-    assert_eq!((&report["validation_messages"], &report["converged"]), (&0.into(), &true.into()));
-    report
 }
 
 /// `ashfall render` of what the window saved.
@@ -76,7 +66,7 @@ fn pictures_paths_and_traces_are_written() {
     desktop.still(STILL);
     desktop.keys(&[CONTROL, u32::from(b's')]);
     wait_for(&folder.path("saved.toml"));
-    let report = close(&desktop, &folder, child, window);
+    let report = close(&desktop, window, child, &folder.path("report.json"));
 
     let exported = read_png(&folder.path("scene.png"));
     assert!(exported == shot.part([0, 0], exported.size) && exported.covered() > 1000);
@@ -138,7 +128,7 @@ fn what_panels_change_comes_back_from_the_saved_scene() {
     desktop.keys(&[CONTROL, u32::from(b's')]);
     wait_for(&folder.path("saved.toml"));
     let shot = desktop.still(STILL);
-    close(&desktop, &folder, child, window);
+    close(&desktop, window, child, &folder.path("report.json"));
     let saved = std::fs::read_to_string(folder.path("saved.toml")).expect("a scene");
     assert_eq!(saved.matches("{ at = ").count(), 4, "one point more: {saved}");
     render(&folder, "again.png", &["--view", "screen"]);

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 use std::process::Child;
 use std::time::Duration;
 
-use crate::binary::{Run, ashfall};
+use crate::binary::ashfall;
 use crate::desktop::{Desktop, Shot};
 use crate::folder::Folder;
-use crate::window::{BEGIN, has_no_device, read_png, scene_text, view};
+use crate::window::{BEGIN, close, has_no_device, read_png, scene_text, view};
 
 const STILL: Duration = Duration::from_millis(1500);
 
@@ -21,19 +21,15 @@ fn open(desktop: &Desktop, folder: &Folder, scene: &Path, size: [u32; 2], flags:
         .expect("the binary runs")
 }
 
-/// Closes the window; what it wrote of itself.
-fn close(desktop: &Desktop, folder: &Folder, child: Child, window: u32) -> serde_json::Value {
-    desktop.close(window);
-    let run = Run::of(child.wait_with_output().expect("an end"));
-    assert_eq!(run.code, Some(0), "{}", run.stderr);
-    let text = std::fs::read_to_string(folder.path("report.json")).expect("a report");
-    let report: serde_json::Value = serde_json::from_str(&text).expect("JSON");
-    assert_eq!(report["validation_messages"], 0);
-    assert_eq!(
-        (&report["converged"], &report["idle_submits"]),
-        (&true.into(), &0.into()),
-        "{report:#}"
-    );
+/// Closes the window, which had come to rest; what it wrote of itself.
+fn close_at_rest(
+    desktop: &Desktop,
+    folder: &Folder,
+    child: Child,
+    window: u32,
+) -> serde_json::Value {
+    let report = close(desktop, window, child, &folder.path("report.json"));
+    assert_eq!(report["idle_submits"], 0, "{report:#}");
     report
 }
 
@@ -72,7 +68,7 @@ fn two_eyes_in_one_window_and_in_two() {
     let first = desktop.window("scene.toml");
     desktop.place(desktop.window("right eye"), [300, 100]);
     let shot = desktop.still(STILL);
-    close(&desktop, &folder, child, first);
+    close_at_rest(&desktop, &folder, child, first);
     let files =
         render(&folder, &scene, "pair.png", &[&flags("pair")[..], &["--size", "200x150"]].concat());
     assert_same(&shot, [0, 0], &files[0], "the left eye");
@@ -86,7 +82,7 @@ fn two_eyes_in_one_window_and_in_two() {
     desktop.drag(1, &[[60, 60], [90, 70], [130, 90]]);
     let turned = desktop.still(STILL);
     assert!(turned != shot);
-    close(&desktop, &folder, child, first);
+    close_at_rest(&desktop, &folder, child, first);
     let files = render(
         &folder,
         &scene,
@@ -147,7 +143,7 @@ fn a_wall_is_one_picture_in_four_windows() {
         let [before, after] = [&shot, &turned].map(|shot| shot.part([600 + x, 100 + y], [120, 80]));
         assert!(before != after, "{x}, {y}");
     }
-    close(&desktop, &folder, child, first);
+    close_at_rest(&desktop, &folder, child, first);
 }
 
 /// On a desktop with many pixels to an inch: panels twice as large, and the picture pixel by pixel all the same.
@@ -167,7 +163,7 @@ fn panels_are_scaled_and_pictures_are_not() {
         .expect("the binary runs");
     let window = desktop.window("scene.toml");
     let shot = desktop.still(STILL);
-    let report = close(&desktop, &folder, child, window);
+    let report = close_at_rest(&desktop, &folder, child, window);
     assert_eq!(report["picture_size"], serde_json::json!([220, 160]));
     let files = render(&folder, &scene, "picture.png", &["--size", "220x160"]);
     assert_same(&shot, [0, 0], &files[0], "the picture");

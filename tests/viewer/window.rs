@@ -57,16 +57,21 @@ impl<'d> View<'d> {
     }
 
     fn close(self) -> Closed {
-        self.desktop.close(self.window);
-        let run = Run::of(self.child.wait_with_output().expect("an end"));
-        // The window system's libraries may say something of their own.
-        assert_eq!(run.code, Some(0), "{}", run.stderr);
-        let text = std::fs::read_to_string(&self.report).expect("a report");
-        let report: serde_json::Value = serde_json::from_str(&text).expect("JSON");
-        assert_eq!(report["validation_messages"], 0);
-        assert_eq!(report["converged"], true, "{report:#}");
-        Closed { report }
+        Closed { report: close(self.desktop, self.window, self.child, &self.report) }
     }
+}
+
+/// Closes a window as its button does; what it reported: finished, and without a message of the layers.
+pub fn close(desktop: &Desktop, window: u32, child: Child, report: &Path) -> serde_json::Value {
+    desktop.close(window);
+    let run = Run::of(child.wait_with_output().expect("an end"));
+    // The window system's libraries may say something of their own.
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let text = std::fs::read_to_string(report).expect("a report");
+    let report: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!(report["validation_messages"], 0);
+    assert_eq!(report["converged"], true, "{report:#}");
+    report
 }
 
 pub fn view(scene: &Path, display: &str, size: [u32; 2]) -> Command {
@@ -279,11 +284,7 @@ fn played(desktop: &Desktop, folder: &Folder, scene: &Path, flags: &[&str]) -> S
     desktop.keys(&[u32::from(b'p')]);
     std::thread::sleep(Duration::from_secs(5));
     desktop.still(STILL);
-    desktop.close(window);
-    let run = Run::of(child.wait_with_output().expect("an end"));
-    assert_eq!(run.code, Some(0), "{}", run.stderr);
-    let text = std::fs::read_to_string(&report).expect("a report");
-    let report: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let report = close(desktop, window, child, &report);
     let mut waits: Vec<f64> = serde_json::from_value(report["input_ms"].clone()).expect("numbers");
     waits.sort_by(f64::total_cmp);
     format!(

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use egui::{DragValue, TextEdit, Ui};
 
-use crate::scene::{CameraPath, Scene};
+use crate::scene::{CameraPath, Scene, names_files};
 use crate::viewer::panels::{Command, Doing, FileNames};
 use crate::viewer::{Along, Camera};
 
@@ -35,10 +35,8 @@ impl Cameras {
 
     /// The name that was typed, if it may be one; else one that is free.
     pub fn free_name(&self, scene: &Scene) -> String {
-        let typed = self.name.clone();
-        let plain = |c: char| c.is_alphanumeric() || "-_ ".contains(c);
-        if !typed.trim().is_empty() && typed.chars().all(plain) {
-            return typed;
+        if names_files(&self.name) {
+            return self.name.clone();
         }
         let is_free = |name: &String| scene.views.iter().all(|view| view.name != *name);
         let mut names = (1..).map(|number| format!("kept {number}"));

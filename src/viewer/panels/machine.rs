@@ -7,9 +7,11 @@ use egui::{Color32, Mesh, Pos2, Rect, Sense, Shape, Stroke, Ui, pos2, vec2};
 
 use crate::gpu::RoleKind;
 use crate::render::paging::SlotBrick;
+use crate::trace::summary::{joined, overlap};
 use crate::trace::{Span, Track};
 use crate::viewer::Shown;
 use crate::viewer::panels::{Command, Doing, FileNames, WARNS, WIDTH};
+use crate::viewer::report::percentiles;
 
 /// See the module.
 pub struct Machine {
@@ -227,12 +229,10 @@ impl Machine {
         let shown = doing.shown;
         let mut commands = Vec::new();
         ui.label(if shown.converged { "converged" } else { "drawing" });
-        let mut sorted: Vec<f64> = self.rounds.iter().map(|round| round.ms).collect();
-        sorted.sort_by(f64::total_cmp);
-        if let (Some(last), Some(worst)) = (self.rounds.back(), sorted.last()) {
-            let p95 = sorted[(sorted.len() - 1) * 95 / 100];
+        let [_, p95, _, worst] = percentiles(self.rounds.iter().map(|round| round.ms as f32));
+        if let Some(last) = self.rounds.back() {
             ui.label(format!("round {:.0} ms, p95 {p95:.0} ms, worst {worst:.0} ms", last.ms));
-            self.graph(ui, *worst, doing.frame_ms);
+            self.graph(ui, worst.into(), doing.frame_ms);
         }
         if let Some(statistics) = &shown.statistics {
             ui.label(format!(
@@ -405,24 +405,9 @@ fn name_of(track: Track) -> String {
 fn hidden_part(spans: &[Span]) -> Option<f64> {
     let busy = |role: RoleKind| {
         let of_role = spans.iter().filter(|span| span.track == Track::Queue(role));
-        let mut times: Vec<[i64; 2]> = of_role.map(|span| [span.begin_ns, span.end_ns]).collect();
-        times.sort();
-        let mut joined: Vec<[i64; 2]> = Vec::new();
-        for [begin, end] in times {
-            match joined.last_mut().filter(|last| last[1] >= begin) {
-                Some(last) => last[1] = last[1].max(end),
-                None => joined.push([begin, end]),
-            }
-        }
-        joined
+        joined(of_role.map(|span| [span.begin_ns, span.end_ns].map(|ns| ns as f64)).collect())
     };
-    let (copies, rays) = (busy(RoleKind::Transfer), busy(RoleKind::Render));
-    let length = |[begin, end]: [i64; 2]| (end - begin).max(0);
-    let all: i64 = copies.iter().copied().map(length).sum();
-    let both = |copy: &[i64; 2]| -> i64 {
-        rays.iter().map(|ray| length([copy[0].max(ray[0]), copy[1].min(ray[1])])).sum()
-    };
-    (all > 0).then(|| copies.iter().map(both).sum::<i64>() as f64 / all as f64)
+    overlap(&busy(RoleKind::Transfer), &busy(RoleKind::Render))
 }
 
 #[cfg(test)]
