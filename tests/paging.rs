@@ -25,6 +25,8 @@ mod papers_order;
 mod plan;
 #[path = "paging/recovery.rs"]
 mod recovery;
+#[path = "paging/replay.rs"]
+mod replay;
 #[path = "paging/same_bytes.rs"]
 mod same_bytes;
 #[path = "paging/sample_rates.rs"]

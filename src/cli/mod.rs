@@ -27,6 +27,7 @@ mod progress;
 mod reading;
 mod reference;
 mod render;
+mod replay_flags;
 mod scene_flags;
 mod stereo_flags;
 mod study;
@@ -36,6 +37,7 @@ mod verify;
 #[cfg(feature = "viewer")]
 mod view;
 mod views_flags;
+mod whole_file;
 
 use std::process::ExitCode;
 

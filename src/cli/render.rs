@@ -10,11 +10,13 @@ use crate::cli::error_flags::{ErrorFlags, coverage_by, coverage_text, error_pict
 use crate::cli::output::{print, print_json, write_json};
 use crate::cli::picture_file::{check_output, write_layers, write_picture};
 use crate::cli::progress::Progress;
+use crate::cli::replay_flags::{ReplayFlags, heed};
 use crate::cli::scene_flags::{DeviceFlags, SceneFlags, WorkFlags, shader_compiler};
 use crate::cli::trace_file::TraceFile;
 use crate::cli::views_flags::{Pictures, ViewsFlags};
 use crate::error::{Error, Exit, Result};
 use crate::gpu::{Gpu, ShaderCompiler};
+use crate::render::paging::Replayed;
 use crate::render::{Addressing, Plan, Renderer, SceneChange, SceneData, Settings, Statistics};
 use crate::scene::{Scene, View};
 use crate::study::error_estimate::{Coverage, Drawing, Drawn, DrawnBy, ErrorEstimate};
@@ -45,6 +47,8 @@ pub struct Arguments {
     json: bool,
     #[command(flatten)]
     views: ViewsFlags,
+    #[command(flatten)]
+    replay: ReplayFlags,
     #[command(flatten)]
     error: ErrorFlags,
     #[command(flatten)]
@@ -81,6 +85,9 @@ struct ErrorFigures {
 #[derive(Serialize)]
 struct Results {
     views: Vec<ViewResult>,
+    /// What became of a recorded run that was done again.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    replayed: Option<Replayed>,
 }
 
 /// Draws, writes and reports.
@@ -90,6 +97,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     outputs.iter().try_for_each(|output| check_output(output))?;
     arguments.error.check()?;
     let trace_file = arguments.trace.as_deref().map(TraceFile::create).transpose()?;
+    let replay = arguments.replay.ask()?;
     let mut data = arguments.scene.load()?;
     keep_views(&mut data.scene.views, &arguments.view)?;
     let pictures = arguments.views.apply(&mut data, arguments.scene.overrides().size)?;
@@ -116,7 +124,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let scene = &arguments.scene.scene;
     let trace = trace_file.as_ref().map(|file| file.begin(&gpu, scene));
     let mut renderer = Renderer::traced(&gpu, plan, &data, trace.as_ref())?;
-    let results = Results { views: Vec::new() };
+    replay.begin(&mut renderer, &data)?;
+    let results = Results { views: Vec::new(), replayed: None };
     let mut written = Written { arguments, outputs: &outputs, pictures, results };
     let drawn = written.draw_views(&mut renderer, later.chunks(at_once), &mut |before, views| {
         let data = data.again(Scene { views, ..data.scene.clone() })?;
@@ -136,15 +145,17 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         (Some(file), Some(trace)) => file.write(trace),
         _ => Ok(()),
     };
+    let replayed = replay.end(&mut renderer, !arguments.json && drawn.is_ok());
     let drawn = drawn?;
     traced?;
+    let replayed = replayed?;
     let by = DrawnBy::plan(renderer.plan(), &data);
     drop(renderer);
     let estimated = match arguments.error.error {
         true => written.estimate(&gpu, &compiler, settings, (&mut data, &by, drawn)),
         false => Ok(()),
     };
-    let results = written.results;
+    let results = Results { replayed, ..written.results };
     if let Some(stats) = &arguments.stats {
         write_stats(stats, &results)?;
     }
@@ -153,6 +164,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     DeviceFlags::heed_validation(&gpu)?;
     estimated?;
+    heed(results.replayed.as_ref())?;
     match results.views.iter().find_map(incomplete) {
         Some(why) => Err(Error { exit: Exit::Incomplete, message: why }),
         None => Ok(()),

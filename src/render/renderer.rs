@@ -390,6 +390,7 @@ impl Renderer {
             statistics.samples += self.collect(*tile, &mut pixels)?;
             number += 1;
         }
+        paged.script_picture(&pixels)?;
         paged.tell(&mut statistics)?;
         statistics.converged = converged;
         statistics.device_bytes = self.gpu.ledger.bytes();

@@ -34,6 +34,8 @@ pub enum Unfinished {
         /// For so many rounds.
         rounds: u64,
     },
+    /// A replayed recording ended, made where rays needed less.
+    Apart,
 }
 
 impl std::fmt::Display for Unfinished {
@@ -49,6 +51,9 @@ impl std::fmt::Display for Unfinished {
             Unfinished::Restless { rounds } => write!(
                 f,
                 "bricks came and went for {rounds} rounds and no ray moved: the order of loading stands still"
+            ),
+            Unfinished::Apart => f.write_str(
+                "the recording, made on another device, ends here: rays of this one part from it by rounding",
             ),
         }
     }

@@ -102,7 +102,7 @@ impl<'a> Use<'a> {
                 counts.full += 1;
                 return;
             }
-            Some(Unfinished::Restless { .. }) => panic!("restless: {}", what()),
+            Some(unfinished) => panic!("{unfinished}: {}", what()),
             None => assert!(statistics.converged, "{}", what()),
         }
         if statistics.bricks_failed > 0 {

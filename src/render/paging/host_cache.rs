@@ -12,7 +12,7 @@ use crate::source::{BrickEntry, BrickSource};
 use crate::twins::cache::entry;
 use crate::twins::limits::{
     ENTRY_ABSENT, ENTRY_CONSTANT, ENTRY_EXPECTED, ENTRY_FAILED, ENTRY_HIDDEN, ENTRY_MAPPED,
-    ENTRY_UNMAPPED, OWNER_FREE,
+    ENTRY_UNMAPPED, OWNER_FREE, OWNER_GRANTED,
 };
 use crate::twins::publish::Update;
 use crate::volume::{BrickGrid, BrickId};
@@ -336,8 +336,13 @@ impl HostCache {
 
     /// The brick that an update puts into a slot; nothing: it puts none.
     pub fn published(&self, update: &Update) -> Option<BrickId> {
-        let fills = update.slot != OWNER_FREE;
+        let fills = update.slot != OWNER_FREE && update.owner != OWNER_GRANTED;
         fills.then(|| self.numbers.brick(self.atlas_of_slot(update.slot).0, update.entry))
+    }
+
+    /// The entry of the brick that a slot holds, as far as it was published.
+    pub fn entry_in(&self, slot: u32) -> Option<u32> {
+        self.numbers.entry(self.slots.brick_in(slot)?)
     }
 
     /// Slots kept for bricks that have not come.

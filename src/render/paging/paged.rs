@@ -16,6 +16,7 @@ use crate::render::paging::host_cache::HostCache;
 use crate::render::paging::leaf_words::LeafWords;
 use crate::render::paging::placing::{Placing, slots_by_atlas};
 use crate::render::paging::plan::PagingPlan;
+use crate::render::paging::script::Script;
 use crate::render::paging::settings::{CopyPath, Traversal};
 use crate::render::paging::traversal_choice::{TraversalChoice, Way};
 use crate::render::plan::Plan;
@@ -70,6 +71,8 @@ pub struct Paged {
     /// Slots that rays may read, for the simulation of two queues.
     pub readable: std::collections::BTreeSet<u32>,
     pub trace: Option<Arc<Trace>>,
+    /// Where the run is written down, or done again.
+    pub script: Option<Script>,
 }
 
 /// A brick in the staging half.
@@ -205,6 +208,7 @@ impl Paged {
             forgotten: Vec::new(),
             readable: std::collections::BTreeSet::new(),
             trace: trace.cloned(),
+            script: None,
         })
     }
 
@@ -340,7 +344,12 @@ impl Paged {
 
     /// What draws a view's next round, where either may.
     pub fn way(&self, view: u32) -> Option<Way> {
-        self.other_march.as_ref().map(|(_, choice)| choice.way(view))
+        let (_, choice) = self.other_march.as_ref()?;
+        Some(match &self.script {
+            Some(Script::Replay(replay)) if replay.octree => Way::Octree,
+            Some(Script::Replay(_)) => Way::PageTable,
+            _ => choice.way(view),
+        })
     }
 
     /// What a tile's marching took on the device; `one_round`: all that it needed was there.

@@ -35,7 +35,7 @@ impl Renderer {
             paged.constants.write(first as u64 * 16, bytemuck::cast_slice(texels))?;
         }
         paged.tell_leaves()?;
-        let updates = paged.host.take_updates(paged.plan.residency.updates_max as usize);
+        let updates = paged.next_updates(round.tile.view)?;
         paged.residency.begin(&updates)?;
         paged.trace_published(&updates);
         let mut waits: Vec<TimePoint> = std::mem::take(&mut paged.first_copies);
@@ -52,7 +52,7 @@ impl Renderer {
         };
         let published: Vec<u32> = updates
             .iter()
-            .filter(|update| update.slot != twins::limits::OWNER_FREE)
+            .filter(|update| paged.host.published(update).is_some())
             .map(|update| update.slot)
             .collect();
         if self.plan.settings.paging.keep_records {

@@ -10,12 +10,14 @@ use crate::loading::{Delivery, Wish};
 use crate::passes::cache_buffers::RankOrder;
 use crate::render::frame::Tile;
 use crate::render::paging::paged::Paged;
+use crate::render::paging::recording::Event;
 use crate::render::paging::round::{Round, annotate_grants};
-use crate::render::paging::slot_map::SlotBrick;
+use crate::render::paging::script::Script;
+use crate::render::paging::watching::Watch;
 use crate::render::plan::Plan;
-use crate::render::renderer::{Picture, Renderer};
+use crate::render::renderer::Renderer;
 use crate::render::statistics::{Statistics, Unfinished};
-use crate::residency::{Allowance, OfAtlas, Report};
+use crate::residency::{Allowance, Report};
 use crate::twins::cache::Progress;
 use crate::twins::limits::RANK_NONE;
 
@@ -67,78 +69,13 @@ pub fn draw(
     Ok(true)
 }
 
-/// A whole picture while it is refined by substitution.
-pub struct RoundPicture {
-    /// Number of the round, from 1.
-    pub round: u64,
-    /// Milliseconds on the wall from the view's beginning to the round's end.
-    pub ms: f64,
-    /// Bricks copied to the device before this round.
-    pub bricks_uploaded: u64,
-    /// How the cache stands.
-    pub cache: RoundCache,
-    /// What the round gave.
-    pub picture: Picture,
-}
-
-/// The cache after a round. Counts are of the view so far, unless they say another thing.
-#[derive(Clone, Debug, Default)]
-pub struct RoundCache {
-    /// Bricks in slots that rays of this round went through for the first time in the view.
-    pub touched: u64,
-    /// Bricks that rays of this round asked for in vain.
-    pub missed: u64,
-    /// Of them, without a slot yet.
-    pub wanted: u64,
-    /// Bricks that have a slot and have not come.
-    pub pending: u64,
-    /// Bricks that the source does not have, of all that were looked at.
-    pub absent: u64,
-    /// Bricks that show nothing.
-    pub hidden: u64,
-    /// Bricks of one value.
-    pub constant: u64,
-    /// Bricks that could not be read, in the epoch.
-    pub failed: u64,
-    /// Texel bytes copied.
-    pub bytes_uploaded: u64,
-    /// Bytes of reports read back, of this round.
-    pub bytes_read_back: u64,
-    /// Slots of each atlas, one after the other.
-    pub slots_of_atlas: Vec<u32>,
-    /// What they hold, as far as any was ever filled.
-    pub slots: Vec<Option<SlotBrick>>,
-    /// Number of this round in which slots count.
-    pub round: u32,
-}
-
-/// Who looks at the pictures of rounds, and how long looking took.
-pub struct Watch<'w> {
-    begun: Instant,
-    watching: Duration,
-    tell: &'w mut dyn FnMut(RoundPicture) -> ControlFlow<()>,
-    /// There is no picture then but that of the last round.
-    pub broken_off: bool,
-}
-
-impl<'w> Watch<'w> {
-    /// From now on.
-    pub fn new(tell: &'w mut dyn FnMut(RoundPicture) -> ControlFlow<()>) -> Watch<'w> {
-        Watch { begun: Instant::now(), watching: Duration::ZERO, tell, broken_off: false }
-    }
-
-    fn ms(&self) -> f64 {
-        self.begun.elapsed().saturating_sub(self.watching).as_secs_f64() * 1e3
-    }
-}
-
-struct Rounds<'a, 'w> {
-    renderer: &'a Renderer,
-    paged: &'a mut Paged,
-    tile: Tile,
-    statistics: &'a mut Statistics,
+pub(super) struct Rounds<'a, 'w> {
+    pub(super) renderer: &'a Renderer,
+    pub(super) paged: &'a mut Paged,
+    pub(super) tile: Tile,
+    pub(super) statistics: &'a mut Statistics,
     records: &'a mut Vec<Record>,
-    watch: Option<&'a mut Watch<'w>>,
+    pub(super) watch: Option<&'a mut Watch<'w>>,
     forget: bool,
     still: u32,
     restless: u32,
@@ -160,13 +97,16 @@ impl Rounds<'_, '_> {
         if let Some(submitted) = self.renderer.submit_forget(self.paged)? {
             self.ended(submitted)?;
         }
+        self.script_tile()?;
         let mut first = true;
         let mut recoveries = 0;
         loop {
             if self.renderer.next_scene.is_left() {
+                self.script_breaks()?;
                 return Ok(false);
             }
             if self.renderer.epoch.load(Ordering::Acquire) != self.paged.epoch {
+                self.script_breaks()?;
                 self.paged.epoch = self.renderer.epoch.load(Ordering::Acquire);
                 self.paged.new_epoch(&self.renderer.gpu)?;
                 self.begin_anew();
@@ -176,7 +116,10 @@ impl Rounds<'_, '_> {
             let point = self.round(first || substitute)?;
             first = false;
             let waiting = self.renderer.span("wait");
-            if plan.settings.paging.lockstep {
+            if self.is_replay() {
+                self.replay_arrivals()?;
+                self.renderer.gpu.wait(point)?;
+            } else if plan.settings.paging.lockstep {
                 self.renderer.gpu.wait(point)?;
             } else {
                 // Beside the device: loaders deliver, and copies go out, while it marches.
@@ -190,6 +133,9 @@ impl Rounds<'_, '_> {
             let report = self.take_report(point)?;
             self.statistics.rounds += 1;
             self.show_progress(&report, progress);
+            if substitute {
+                self.script_frame()?;
+            }
             let seen =
                 if substitute { self.show_picture(&report)? } else { ControlFlow::Continue(()) };
             let finished = self.is_finished(&report, substitute);
@@ -201,7 +147,9 @@ impl Rounds<'_, '_> {
                 return Ok(false);
             }
             if finished {
-                if recoveries == RECOVERIES_MAX || !self.source_recovers()? {
+                // What was recorded failed in the same way when it is replayed.
+                if self.has_script() || recoveries == RECOVERIES_MAX || !self.source_recovers()? {
+                    self.script_end()?;
                     return Ok(true);
                 }
                 recoveries += 1;
@@ -220,7 +168,12 @@ impl Rounds<'_, '_> {
                 let _span = self.renderer.span("load");
                 self.take_deliveries(Duration::from_millis(2))?;
             }
-            if self.stands_still(&report) {
+            if self.is_replay() {
+                if self.replay_stops()? {
+                    return Ok(true);
+                }
+            } else if self.stands_still(&report)? {
+                self.script_end()?;
                 return Ok(true);
             }
         }
@@ -239,7 +192,7 @@ impl Rounds<'_, '_> {
         self.paged.loading.forget_failures();
         self.paged.loading.wish(&[Wish { id, rank: 0 }]);
         self.asked = Instant::now();
-        while !self.gave_up() {
+        while !self.gave_up()? {
             match self.paged.loading.next(Duration::from_millis(50)) {
                 Some(delivery) if delivery.is_brick(id) => {
                     self.paged.forget_failures();
@@ -302,7 +255,10 @@ impl Rounds<'_, '_> {
         // Free-running, rays use what is there while other slots are filled.
         let most = if lockstep { slots } else { (slots / 2).max(channels) };
         let live_max = if self.substitute() { slots } else { (slots / 2).max(channels) };
-        let budget = self.renderer.plan.settings.paging.grants_per_round.unwrap_or(u32::MAX);
+        let budget = match self.is_forced() {
+            true => 0,
+            false => self.renderer.plan.settings.paging.grants_per_round.unwrap_or(u32::MAX),
+        };
         Allowance { grants_max: most.saturating_sub(held + bound).min(budget), live_max, held }
     }
 
@@ -310,6 +266,7 @@ impl Rounds<'_, '_> {
         let _span = self.renderer.span("report");
         self.renderer.add_times(self.statistics);
         let report = self.paged.residency.report()?;
+        let report = self.script_report(report)?;
         if self.renderer.plan.settings.paging.keep_records {
             let grants: Vec<_> =
                 report.atlases.iter().flat_map(|atlas| atlas.grants.iter().copied()).collect();
@@ -347,25 +304,32 @@ impl Rounds<'_, '_> {
             let _span = self.renderer.span("survey");
             self.wait_while(|paged| paged.host.surveys_pending() > 0)?;
         }
+        self.script_bound()?;
         self.bind_and_wish();
         Ok(())
     }
 
-    fn bind_and_wish(&mut self) {
+    pub(super) fn bind_and_wish(&mut self) {
         let _span = self.renderer.span("bind");
         let paging = &self.renderer.plan.settings.paging;
-        let Paged { host, description, loading, .. } = &mut *self.paged;
+        let Paged { host, description, loading, script, .. } = &mut *self.paged;
         host.bind(!paging.lockstep, |level| description.grid(level));
         // Beyond the slots kept: into the RAM cache, so that loaders are not idle.
         let ahead = if paging.lockstep { 0 } else { 2 * paging.loader_count() };
-        loading.wish(&host.wishes(ahead));
+        match script {
+            Some(Script::Replay(replay)) => loading.wish(&replay.upcoming()),
+            _ => loading.wish(&host.wishes(ahead)),
+        }
     }
 
     /// Lockstep: takes what comes while something is `missing` and on its way, and patience lasts.
     fn wait_while(&mut self, missing: impl Fn(&Paged) -> bool) -> Result<()> {
+        if self.is_replay() {
+            return self.replay_arrivals();
+        }
         self.asked = Instant::now();
         while missing(self.paged) && self.paged.loading.outstanding() > 0 {
-            if !self.deliver(Duration::from_millis(50))? && self.gave_up() {
+            if !self.deliver(Duration::from_millis(50))? && self.gave_up()? {
                 break;
             }
         }
@@ -374,6 +338,9 @@ impl Rounds<'_, '_> {
 
     /// Free-running: whatever has come, waiting `timeout` for the first of it.
     fn take_deliveries(&mut self, timeout: Duration) -> Result<()> {
+        if self.is_replay() {
+            return self.replay_arrivals();
+        }
         let mut wait = timeout;
         let mut came = false;
         while self.deliver(wait)? {
@@ -382,13 +349,14 @@ impl Rounds<'_, '_> {
         }
         if came {
             // First what has come, so that it is not wished for again.
+            self.script(|| Event::Turn)?;
             self.flush()?;
             self.bind_and_wish();
         }
         Ok(())
     }
 
-    fn flush(&mut self) -> Result<()> {
+    pub(super) fn flush(&mut self) -> Result<()> {
         let keep = self.renderer.plan.settings.paging.keep_records;
         self.paged.flush(&self.renderer.gpu, keep.then_some(&mut *self.records))
     }
@@ -398,11 +366,12 @@ impl Rounds<'_, '_> {
         let Some(delivery) = self.paged.loading.next(timeout) else { return Ok(false) };
         self.paged.trace_loading();
         self.asked = Instant::now();
+        self.script(|| Event::of_delivery(&delivery))?;
         self.take(delivery)?;
         Ok(true)
     }
 
-    fn take(&mut self, delivery: Delivery) -> Result<()> {
+    pub(super) fn take(&mut self, delivery: Delivery) -> Result<()> {
         self.paged.learn(&delivery);
         match delivery {
             Delivery::Surveyed { block, entries } => {
@@ -425,18 +394,23 @@ impl Rounds<'_, '_> {
     }
 
     /// Nothing has come for longer than patience lasts: what is on its way is given up.
-    fn gave_up(&mut self) -> bool {
+    fn gave_up(&mut self) -> Result<bool> {
         if self.asked.elapsed() < self.renderer.plan.settings.paging.patience {
-            return false;
+            return Ok(false);
         }
-        let given_up = self.paged.host.give_up();
-        self.statistics.unfinished = Some(Unfinished::Starved { bricks: given_up.len() as u64 });
-        true
+        self.script(|| Event::GaveUp)?;
+        self.give_up();
+        Ok(true)
     }
 
-    fn stands_still(&mut self, report: &Report) -> bool {
+    pub(super) fn give_up(&mut self) {
+        let given_up = self.paged.host.give_up();
+        self.statistics.unfinished = Some(Unfinished::Starved { bricks: given_up.len() as u64 });
+    }
+
+    fn stands_still(&mut self, report: &Report) -> Result<bool> {
         if self.statistics.unfinished.is_some() {
-            return true;
+            return Ok(true);
         }
         let underway = self.paged.loading.outstanding() > 0 || self.paged.host.has_updates();
         let moved = report.progress.moved > 0 && !self.substitute();
@@ -457,14 +431,14 @@ impl Rounds<'_, '_> {
         if !underway && self.progressed.elapsed() > patience {
             let bricks = self.paged.host.bound_count() as u64;
             self.statistics.unfinished = Some(Unfinished::Starved { bricks });
-            return true;
+            return Ok(true);
         }
         if underway
             && !self.renderer.plan.settings.paging.lockstep
             && self.asked.elapsed() > patience
-            && self.gave_up()
+            && self.gave_up()?
         {
-            return true;
+            return Ok(true);
         }
         let granted: usize = report.atlases.iter().map(|atlas| atlas.grants.len()).sum();
         if self.still >= STILL_ROUNDS_MAX && granted == 0 {
@@ -474,7 +448,7 @@ impl Rounds<'_, '_> {
             self.statistics.unfinished =
                 Some(Unfinished::Restless { rounds: RESTLESS_ROUNDS_MAX.into() });
         }
-        self.statistics.unfinished.is_some()
+        Ok(self.statistics.unfinished.is_some())
     }
 
     fn show_progress(&mut self, report: &Report, progress: &mut dyn FnMut(f64)) {
@@ -486,56 +460,7 @@ impl Rounds<'_, '_> {
         progress(f64::from(self.farthest) / f64::from(ranks));
     }
 
-    /// How the cache stands after a round.
-    fn cache(&self, report: &Report) -> RoundCache {
-        let host = &self.paged.host;
-        let sum =
-            |of: &dyn Fn(&OfAtlas) -> u32| report.atlases.iter().map(|a| u64::from(of(a))).sum();
-        let atlases = self.paged.plan.residency.atlases.iter();
-        let (slots, round) = host.slots.now();
-        RoundCache {
-            touched: sum(&|atlas| atlas.answer.touched),
-            missed: sum(&|atlas| atlas.answer.wished),
-            wanted: host.wanted().len() as u64,
-            pending: host.bound_count() as u64,
-            absent: host.counts.absent,
-            hidden: host.counts.hidden,
-            constant: host.counts.constant,
-            failed: host.failures().len() as u64,
-            bytes_uploaded: host.counts.uploaded_bytes,
-            bytes_read_back: report.bytes,
-            slots_of_atlas: atlases.map(|atlas| atlas.layout.slot_count()).collect(),
-            slots,
-            round,
-        }
-    }
-
-    /// Hands a round's picture to who watches. What that takes is no part of the loop's time.
-    fn show_picture(&mut self, report: &Report) -> Result<ControlFlow<()>> {
-        let ms = match &self.watch {
-            Some(watch) => watch.ms(),
-            None => return Ok(ControlFlow::Continue(())),
-        };
-        let begun = Instant::now();
-        let submitted = self.renderer.submit_resolve(self.paged, self.tile)?;
-        self.ended(submitted)?;
-        let size = self.renderer.plan.pixels[self.tile.view as usize].size;
-        let mut pixels = vec![[0.0; 4]; size[0] as usize * size[1] as usize];
-        self.renderer.collect(self.tile, &mut pixels)?;
-        let mut flow = ControlFlow::Continue(());
-        let cache = self.cache(report);
-        if let Some(watch) = &mut self.watch {
-            let (round, uploaded) = (self.statistics.rounds, self.paged.host.counts.uploaded);
-            let picture = Picture { size, pixels };
-            flow =
-                (watch.tell)(RoundPicture { round, ms, bricks_uploaded: uploaded, cache, picture });
-            watch.watching += begun.elapsed();
-            watch.broken_off = flow.is_break();
-        }
-        Ok(flow)
-    }
-
-    fn ended(&mut self, submitted: Submitted) -> Result<()> {
+    pub(super) fn ended(&mut self, submitted: Submitted) -> Result<()> {
         let _span = self.renderer.span("wait");
         self.renderer.gpu.wait(submitted.point)?;
         self.renderer.add_times(self.statistics);

@@ -36,6 +36,11 @@ impl SlotMap {
         self.slots[slot] = Some(SlotBrick { brick, since: self.round, sampled: false });
     }
 
+    /// What a slot holds.
+    pub fn brick_in(&self, slot: u32) -> Option<BrickId> {
+        Some(self.slots.get(slot as usize)?.as_ref()?.brick)
+    }
+
     /// The device gave it up.
     pub fn freed(&mut self, slot: u32) {
         let held = self.slots.get_mut(slot as usize).and_then(Option::take);
