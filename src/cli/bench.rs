@@ -4,6 +4,7 @@ mod features;
 mod interaction;
 mod octree;
 mod overhead;
+mod pacing;
 mod paging;
 mod sample;
 mod store;
@@ -26,6 +27,7 @@ enum Bench {
     Octree(octree::Arguments),
     Upload(upload::Arguments),
     Paging(paging::Arguments),
+    Pacing(Box<pacing::Arguments>),
     Sample(sample::Arguments),
     Features(features::Arguments),
     Interaction(Box<interaction::Arguments>),
@@ -39,6 +41,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Bench::Octree(arguments) => octree::run(arguments),
         Bench::Upload(arguments) => upload::run(arguments),
         Bench::Paging(arguments) => paging::run(arguments),
+        Bench::Pacing(arguments) => pacing::run(arguments),
         Bench::Sample(arguments) => sample::run(arguments),
         Bench::Features(arguments) => features::run(arguments),
         Bench::Interaction(arguments) => interaction::run(arguments),

@@ -22,6 +22,9 @@ pub struct LoadingLimits {
     pub retry_after: Duration,
     /// Wishes, and surveys, that may wait at once, at least 1.
     pub wishes_max: usize,
+    /// Whether loader threads stand back behind others where there are fewer cores than work, as far as the system
+    /// lets them.
+    pub yielding: bool,
 }
 
 impl Default for LoadingLimits {
@@ -32,6 +35,7 @@ impl Default for LoadingLimits {
             attempts: 3,
             retry_after: Duration::from_millis(20),
             wishes_max: 1 << 16,
+            yielding: false,
         }
     }
 }

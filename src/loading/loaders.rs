@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, Sender, bounded};
 
 use crate::error::{Error, Result};
-use crate::loading::DoneJob;
 use crate::loading::job::{Arrival, Inspect, Job, Sources};
+use crate::loading::{DoneJob, LoadingLimits};
 
 /// Jobs under way per loader: one at work, one that waits for it, so that no loader waits for the
 /// owner; more would be out of reach of a better rank that comes later.
@@ -34,11 +34,16 @@ pub struct Loaders {
 }
 
 impl Loaders {
-    /// Starts `count` of them; where there is an `inspect`, it sees every brick that is read.
+    /// Starts as many as there may be; where there is an `inspect`, it sees every brick that is read.
     ///
     /// # Errors
     /// When the machine gives no thread.
-    pub fn start(sources: Sources, inspect: Option<Inspect>, count: usize) -> Result<Loaders> {
+    pub fn start(
+        sources: Sources,
+        inspect: Option<Inspect>,
+        limits: &LoadingLimits,
+    ) -> Result<Loaders> {
+        let (count, yielding) = (limits.loaders, limits.yielding);
         let jobs_max = count * JOBS_PER_LOADER;
         let (jobs, wanted) = bounded(jobs_max);
         let (send, arrivals) = bounded(jobs_max);
@@ -55,7 +60,13 @@ impl Loaders {
                 stop: Arc::clone(&loaders.stop),
             };
             let named = Builder::new().name(format!("loader {number}"));
-            loaders.threads.push(named.spawn(move || loader.run())?);
+            let run = move || {
+                if yielding {
+                    stand_back();
+                }
+                loader.run();
+            };
+            loaders.threads.push(named.spawn(run)?);
             io::Result::Ok(())
         });
         // Only loaders may hold a sender: dropping waits until there is none.
@@ -106,6 +117,19 @@ impl Drop for Loaders {
                 let _ = thread.join();
             }
         }
+    }
+}
+
+/// The nice value of loaders that stand back: a tenth of a core's time beside rays that want all of it.
+#[cfg(target_os = "linux")]
+const STAND_BACK: i32 = 10;
+
+/// Lowers the priority of this thread, where the system has one for each.
+fn stand_back() {
+    #[cfg(target_os = "linux")]
+    {
+        // A system that does not let it costs time, not pictures.
+        let _ = rustix::process::setpriority_process(Some(rustix::thread::gettid()), STAND_BACK);
     }
 }
 

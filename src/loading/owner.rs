@@ -80,7 +80,7 @@ impl Loading {
             cache: Cache::new(limits.ram_bytes),
             reading: HashMap::new(),
             failed: HashSet::new(),
-            loaders: Loaders::start(sources.into(), inspect, limits.loaders)?,
+            loaders: Loaders::start(sources.into(), inspect, &limits)?,
             counts: LoadingStatistics::default(),
             done: None,
         })

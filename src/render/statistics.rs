@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::loading::LoadingStatistics;
+use crate::render::paging::Paced;
 
 /// Time of one pass on the device, summed over all its dispatches.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -103,6 +104,9 @@ pub struct Statistics {
     /// What loaders did; absent where nothing is paged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub loading: Option<LoadingStatistics>,
+    /// How rounds kept to their target; absent where they have none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub paced: Option<Paced>,
     /// Device memory allocated, bytes.
     pub device_bytes: u64,
     /// Most resident memory of this process so far, bytes; 0 where the system does not say.

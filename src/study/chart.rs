@@ -1,4 +1,4 @@
-//! Small charts as SVG, written by hand: both axes logarithmic, series told apart by dashes and marks,
+//! Small charts as SVG, written by hand: both axes logarithmic, unless a panel says otherwise, series told apart by dashes and marks,
 //! not by colour alone.
 
 use std::fmt::Write;
@@ -31,6 +31,8 @@ pub struct Panel {
     pub decibels: bool,
     /// x is marked at round numbers, not at the points.
     pub round_x: bool,
+    /// Both axes from 0 on, in even steps.
+    pub linear: bool,
 }
 
 /// Of a panel, unless said.
@@ -136,8 +138,9 @@ fn draw(out: &mut String, [left, top]: [f64; 2], size: [f64; 2], panel: &Panel, 
     let points = || panel.series.iter().flat_map(|series| &series.points);
     let (x0, x1) = (left + LEFT, left + width - right);
     let (y0, y1) = (top + height - BOTTOM, top + TOP);
-    let xs = Scale::of(points().map(|(x, _)| *x), x0, x1);
-    let ys = Scale::of(points().filter_map(|(_, y)| *y), y0, y1);
+    let scale = if panel.linear { Scale::linear } else { Scale::of };
+    let xs = scale(&mut points().map(|(x, _)| *x), x0, x1);
+    let ys = scale(&mut points().filter_map(|(_, y)| *y), y0, y1);
     text(out, [x0, top + 20.0], "font-weight=\"bold\"", &panel.title);
     let middle = (y0 + y1) / 2.0;
     let turned =
@@ -258,8 +261,9 @@ fn front(out: &mut String, points: &[(f64, f64)]) {
     }
 }
 
-/// From a value to its place on an axis, by logarithm.
+/// From a value to its place on an axis, by logarithm or evenly.
 struct Scale {
+    linear: bool,
     least: f64,
     most: f64,
     from: f64,
@@ -267,7 +271,7 @@ struct Scale {
 }
 
 impl Scale {
-    fn of(values: impl Iterator<Item = f64>, from: f64, to: f64) -> Scale {
+    fn of(values: &mut dyn Iterator<Item = f64>, from: f64, to: f64) -> Scale {
         let positive = values.filter(|value| *value > 0.0 && value.is_finite());
         let ends = positive.fold(None, |ends: Option<(f64, f64)>, value| {
             let (least, most) = ends.unwrap_or((value, value));
@@ -277,16 +281,39 @@ impl Scale {
         // Never less than a factor of two, so that what is nearly even looks so.
         let most = most.max(least * 2.0);
         let margin = (most / least).powf(0.06);
-        Scale { least: least / margin, most: most * margin, from, to }
+        Scale { linear: false, least: least / margin, most: most * margin, from, to }
+    }
+
+    fn linear(values: &mut dyn Iterator<Item = f64>, from: f64, to: f64) -> Scale {
+        let most = values.filter(|value| value.is_finite()).fold(0.0, f64::max);
+        Scale {
+            linear: true,
+            least: 0.0,
+            most: if most > 0.0 { 1.05 * most } else { 1.0 },
+            from,
+            to,
+        }
     }
 
     fn at(&self, value: f64) -> f64 {
-        let part = (value / self.least).ln() / (self.most / self.least).ln();
+        let part = match self.linear {
+            true => value / self.most,
+            false => (value / self.least).ln() / (self.most / self.least).ln(),
+        };
         self.from + part * (self.to - self.from)
     }
 
     /// Round numbers: 1, 2, 5 in each decade, the powers of ten alone where those are many.
     fn ticks(&self) -> Vec<(f64, String)> {
+        if self.linear {
+            let decade = 10f64.powf((self.most / 5.0).log10().floor());
+            let steps = [1.0, 2.0, 5.0, 10.0].map(|step| step * decade);
+            let step = steps.into_iter().find(|step| self.most / step <= 6.0).unwrap_or(decade);
+            let count = (self.most / step) as u32;
+            return (0..=count)
+                .map(|at| (f64::from(at) * step, number(f64::from(at) * step)))
+                .collect();
+        }
         let decades = (self.most / self.least).log10();
         let steps: &[f64] = if decades > 3.0 { &[1.0] } else { &[1.0, 1.5, 2.0, 3.0, 5.0, 7.0] };
         let steps = if decades > 1.0 && decades <= 3.0 { &[1.0, 2.0, 5.0] } else { steps };
@@ -355,8 +382,16 @@ mod tests {
     use super::*;
 
     #[test]
+    fn linear_axes_begin_at_nothing() {
+        let scale = Scale::linear(&mut [3.0, 40.0].into_iter(), 0.0, 1.0);
+        assert!((scale.at(21.0) - 0.5).abs() < 1e-12 && scale.at(0.0) == 0.0);
+        let names: Vec<String> = scale.ticks().into_iter().map(|(_, name)| name).collect();
+        assert_eq!(names, ["0", "10", "20", "30", "40"]);
+    }
+
+    #[test]
     fn points_lie_by_logarithm_and_missing_ones_are_crossed() {
-        let scale = Scale::of([1.0, 100.0].into_iter(), 0.0, 1.0);
+        let scale = Scale::of(&mut [1.0, 100.0].into_iter(), 0.0, 1.0);
         assert!((scale.at(10.0) - 0.5).abs() < 1e-12);
         assert!(scale.ticks().iter().any(|(value, name)| *value == 10.0 && name == "10"));
         let points = vec![(8.0, None), (16.0, Some(1.0)), (32.0, Some(2.0))];
@@ -364,7 +399,8 @@ mod tests {
         let series = vec![Series { name: "a < b".to_owned(), points, labels, apart: true }];
         let front = vec![(16.0, 1.0)];
         let (title, y_label) = ("t".to_owned(), "y".to_owned());
-        let panel = Panel { title, y_label, series, front, decibels: true, round_x: true };
+        let panel =
+            Panel { title, y_label, series, front, decibels: true, round_x: true, linear: false };
         let drawn = svg("title", "slots", "never ends", 2, &[panel]);
         assert!(drawn.contains("never ends") && drawn.contains("a &lt; b"));
         for words in ["first", "second", "Pareto front", "0 dB"] {

@@ -42,6 +42,7 @@ pub fn study_svg(table: &StudyTable) -> String {
         front,
         decibels: true,
         round_x: true,
+        linear: false,
     };
     let title = format!("error against run time, {}", header.device);
     let x_label = format!("{} time of a picture, ms", header.clock);
@@ -67,6 +68,7 @@ pub fn streaming_svg(table: &StudyTable) -> String {
         series: vec![series],
         decibels: true,
         round_x: true,
+        linear: false,
         ..Panel::default()
     };
     let title = format!("error while streaming, {}", header.device);

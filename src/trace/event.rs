@@ -83,10 +83,12 @@ pub enum Counter {
     FrameTime,
     /// What it may take while something moves.
     FrameTarget,
+    /// Bricks that a round may upload, to keep to that.
+    UploadsMax,
 }
 
 impl Counter {
-    pub(super) const ALL: [Counter; 11] = [
+    pub(super) const ALL: [Counter; 12] = [
         Counter::RaysWaiting,
         Counter::BricksBound,
         Counter::SlotsGranted,
@@ -98,6 +100,7 @@ impl Counter {
         Counter::BytesReadBack,
         Counter::FrameTime,
         Counter::FrameTarget,
+        Counter::UploadsMax,
     ];
 
     /// The word in the file.
@@ -114,6 +117,7 @@ impl Counter {
             Counter::BytesReadBack => "bytes read back",
             Counter::FrameTime => "frame time, us",
             Counter::FrameTarget => "frame target, us",
+            Counter::UploadsMax => "uploads allowed",
         }
     }
 }

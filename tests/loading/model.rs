@@ -179,6 +179,7 @@ fn run(seed: u64, loaders: usize, attempts: u32) {
         attempts,
         retry_after: Duration::from_micros(20),
         wishes_max: WISHES_MAX,
+        yielding: seed % 2 == 1,
     };
     let shared = sources.iter().map(|source| source.clone() as Arc<dyn BrickSource>);
     let inspect: Inspect = Arc::new(|_, bytes| vec![ValueRange::of(bytes[0].into())]);

@@ -14,6 +14,7 @@ use crate::render::frame::Tile;
 use crate::render::paging::brick_texels::write_texels;
 use crate::render::paging::host_cache::HostCache;
 use crate::render::paging::leaf_words::LeafWords;
+use crate::render::paging::paced_rounds::Pace;
 use crate::render::paging::placing::{Placing, slots_by_atlas};
 use crate::render::paging::plan::PagingPlan;
 use crate::render::paging::script::Script;
@@ -71,6 +72,8 @@ pub struct Paged {
     /// Slots that rays may read, for the simulation of two queues.
     pub readable: std::collections::BTreeSet<u32>,
     pub trace: Option<Arc<Trace>>,
+    /// Where rounds have a target.
+    pub pace: Option<Pace>,
     /// Where the run is written down, or done again.
     pub script: Option<Script>,
 }
@@ -135,10 +138,12 @@ impl Paged {
         let codings: Vec<_> = plan.judges.values().map(|judge| Coding::of(judge.format)).collect();
         let of_octree =
             plan.octree.as_ref().map_or(0, |octree| LeafWords::host_bytes(octree, &codings));
+        let target_ms = whole.settings.paging.round_target_ms(whole.views.len());
         let limits = LoadingLimits {
             ram_bytes: (data.scene.memory.ram_mib << 20).saturating_sub(of_octree),
             loaders: whole.settings.paging.loader_count(),
             attempts: ATTEMPTS,
+            yielding: target_ms.is_some(),
             ..LoadingLimits::default()
         };
         let source = data.volumes[0].source.clone();
@@ -208,6 +213,7 @@ impl Paged {
             forgotten: Vec::new(),
             readable: std::collections::BTreeSet::new(),
             trace: trace.cloned(),
+            pace: target_ms.map(Pace::new),
             script: None,
         })
     }
@@ -228,6 +234,7 @@ impl Paged {
     /// Exit code 4 when the device is lost.
     pub fn stage(&mut self, id: BrickId, slot: u32, voxels: &[u8]) -> Result<bool> {
         let _span = self.stage_span(id, voxels);
+        let begun = self.pace.as_ref().map(|_| Instant::now());
         let (atlas, in_atlas) = self.host.atlas_of_slot(slot);
         let layout = self.plan.residency.atlases[atlas].layout;
         let (_, size) = self.description.brick(id);
@@ -250,6 +257,9 @@ impl Paged {
         self.trace_half_wait();
         if staged {
             self.staged.push(StagedBrick { id, slot, bytes, atlas, placement });
+            if let (Some(pace), Some(begun)) = (&mut self.pace, begun) {
+                pace.staged(begun.elapsed());
+            }
             self.trace_bricks(std::iter::once((id, BrickStep::Staged)));
             if let Some(placing) = &mut self.placing {
                 placing.free += bytes.next_multiple_of(ALIGNMENT_BYTES);
@@ -299,6 +309,7 @@ impl Paged {
     /// Counts begin anew.
     pub fn begin_view(&mut self) {
         self.host.begin_view();
+        self.pace.iter_mut().for_each(|pace| pace.pacer().begin_view());
         // What failed before may have recovered.
         if !self.host.failures().is_empty() {
             self.loading.forget_failures();
@@ -383,6 +394,7 @@ impl Paged {
         statistics.bricks_constant = counts.constant;
         statistics.constants_overflow = counts.constants_overflow;
         statistics.loading = Some(self.loading.statistics());
+        statistics.paced = self.pace.as_ref().map(Pace::paced);
         self.trace_end();
         Ok(())
     }

@@ -26,6 +26,11 @@ impl Renderer {
     /// Exit code 2 where nothing is paged.
     pub fn record(&mut self, data: &SceneData) -> Result<()> {
         let of = recorded_of(&self.plan, data)?;
+        if self.plan.settings.paging.frame_us.is_some() {
+            return Err(Error::arguments(
+                "--record: rounds with a target go by the clock, which a recording does not hold: leave --frame-ms out",
+            ));
+        }
         let (device, driver) = (self.plan.device.clone(), self.plan.driver.clone());
         self.paged()?.script = Some(Script::Record(Recording::new(device, driver, of)));
         Ok(())

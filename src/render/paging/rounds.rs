@@ -98,6 +98,7 @@ impl Rounds<'_, '_> {
             self.ended(submitted)?;
         }
         self.script_tile()?;
+        self.begin_pace();
         let mut first = true;
         let mut recoveries = 0;
         loop {
@@ -123,7 +124,9 @@ impl Rounds<'_, '_> {
                 self.renderer.gpu.wait(point)?;
             } else {
                 // Beside the device: loaders deliver, and copies go out, while it marches.
-                while self.paged.loading.outstanding() > 0 && !self.renderer.gpu.has_reached(point)
+                while self.may_upload()
+                    && self.paged.loading.outstanding() > 0
+                    && !self.renderer.gpu.has_reached(point)
                 {
                     self.take_deliveries(GLANCE)?;
                 }
@@ -138,6 +141,7 @@ impl Rounds<'_, '_> {
             }
             let seen =
                 if substitute { self.show_picture(&report)? } else { ControlFlow::Continue(()) };
+            self.learn_pace();
             let finished = self.is_finished(&report, substitute);
             if seen.is_break() {
                 // The next picture will want much of the same.
@@ -255,9 +259,10 @@ impl Rounds<'_, '_> {
         // Free-running, rays use what is there while other slots are filled.
         let most = if lockstep { slots } else { (slots / 2).max(channels) };
         let live_max = if self.substitute() { slots } else { (slots / 2).max(channels) };
-        let budget = match self.is_forced() {
-            true => 0,
-            false => self.renderer.plan.settings.paging.grants_per_round.unwrap_or(u32::MAX),
+        let budget = match (self.is_forced(), &self.paged.pace) {
+            (true, _) => 0,
+            (false, Some(pace)) => pace.grants_max(held + bound),
+            _ => self.renderer.plan.settings.paging.grants_per_round.unwrap_or(u32::MAX),
         };
         Allowance { grants_max: most.saturating_sub(held + bound).min(budget), live_max, held }
     }
@@ -343,7 +348,7 @@ impl Rounds<'_, '_> {
         }
         let mut wait = timeout;
         let mut came = false;
-        while self.deliver(wait)? {
+        while self.may_upload() && self.deliver(wait)? {
             came = true;
             wait = Duration::ZERO;
         }

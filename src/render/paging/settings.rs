@@ -89,6 +89,9 @@ pub struct PagingSettings {
     /// Slots that one round grants of each atlas at most; nothing: as many as there are. For substitution,
     /// which then shows more of its way; `exact` needs those of one place at once.
     pub grants_per_round: Option<u32>,
+    /// Microseconds that the rounds of all views together may take, picture by picture; nothing: as long as they
+    /// take. Without lockstep: then uploads follow it, and loaders stand back behind the rays.
+    pub frame_us: Option<u32>,
     /// Which bricks are loaded first.
     pub order: LoadOrder,
     /// Whether the records of all submits are kept, with what they do to slots: for the simulation of
@@ -112,6 +115,7 @@ impl Default for PagingSettings {
             show_states: false,
             marks: true,
             grants_per_round: None,
+            frame_us: None,
             order: LoadOrder::Guarded,
             keep_records: false,
             patience: Duration::from_secs(30),
@@ -120,6 +124,11 @@ impl Default for PagingSettings {
 }
 
 impl PagingSettings {
+    /// What one view's round is to take, of so many that make a picture together.
+    pub fn round_target_ms(&self, views: usize) -> Option<f64> {
+        self.frame_us.map(|us| f64::from(us) / 1e3 / views.max(1) as f64)
+    }
+
     /// Loader threads.
     pub fn loader_count(&self) -> usize {
         let cores = std::thread::available_parallelism().map_or(2, usize::from);

@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use crate::error::Result;
+use crate::render::paging::paced_rounds::{Pace, RoundPace};
 use crate::render::paging::rounds::Rounds;
 use crate::render::paging::slot_map::SlotBrick;
 use crate::render::renderer::Picture;
@@ -19,6 +20,8 @@ pub struct RoundPicture {
     pub bricks_uploaded: u64,
     /// How the cache stands.
     pub cache: RoundCache,
+    /// How rounds keep to their target, where they have one, before this.
+    pub pace: Option<RoundPace>,
     /// What the round gave.
     pub picture: Picture,
 }
@@ -119,11 +122,18 @@ impl Rounds<'_, '_> {
         let (size, pixels) = self.resolved()?;
         let mut flow = ControlFlow::Continue(());
         let cache = self.cache(report);
+        let pace = self.paged.pace.as_ref().map(Pace::told);
         if let Some(watch) = &mut self.watch {
             let (round, uploaded) = (self.statistics.rounds, self.paged.host.counts.uploaded);
             let picture = Picture { size, pixels };
-            flow =
-                (watch.tell)(RoundPicture { round, ms, bricks_uploaded: uploaded, cache, picture });
+            flow = (watch.tell)(RoundPicture {
+                round,
+                ms,
+                bricks_uploaded: uploaded,
+                cache,
+                pace,
+                picture,
+            });
             watch.watching += begun.elapsed();
             watch.broken_off = flow.is_break();
         }
