@@ -19,6 +19,8 @@ mod level_borders;
 mod loads_once;
 #[path = "paging/made_volumes.rs"]
 mod made_volumes;
+#[path = "paging/pacing.rs"]
+mod pacing;
 #[path = "paging/papers_order.rs"]
 mod papers_order;
 #[path = "paging/plan.rs"]

@@ -177,6 +177,10 @@ pub struct WorkFlags {
     /// Samples of one ray in one dispatch, at most 32768.
     #[arg(long, default_value_t = 4096, help_heading = "Work")]
     steps_per_dispatch: u32,
+    /// Milliseconds that marching may take in one submit, as it is measured, 0: any; default: 250, and any on a
+    /// processor, which no driver's watchdog sees to.
+    #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u32).range(..=60_000), help_heading = "Work")]
+    submit_ms: Option<u32>,
     /// How voxels lie on the device: plain, quads (4 x the memory, two loads a sample in place of eight),
     /// auto (quads where they fit atlas_mib and the device, measured at the start, samples them for less).
     #[arg(long, default_value = "auto", value_parser = layout, help_heading = "Work")]
@@ -201,6 +205,7 @@ impl WorkFlags {
         let settings = Settings {
             tile: self.tile,
             steps_per_dispatch: self.steps_per_dispatch,
+            submit_ms: self.submit_ms,
             layout: self.layout,
             addressing: self.paging.addressing(),
             level_min: 0,

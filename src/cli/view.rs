@@ -37,7 +37,8 @@ pub struct Arguments {
     /// Write what the window did as JSON when it is closed: frames, times, idle submits.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// What a round may take while something moves, milliseconds: pixels get up to 8 times as wide to keep to it.
+    /// What a round may take, milliseconds: uploads follow what is measured, and while something moves steps get up to
+    /// 4 times as long and pixels up to 8 times as wide.
     #[arg(long, value_name = "MS", default_value_t = 120.0)]
     frame_ms: f64,
     /// Panels and their text so many times as large; default: what WINIT_X11_SCALE_FACTOR says, else 1.
@@ -66,6 +67,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     settings.addressing = Addressing::Paged;
     settings.tile = [viewer::PICTURE_EDGE_MAX; 2];
     settings.paging.lockstep = arguments.work.asks_lockstep();
+    settings.paging.frame_us =
+        Some((arguments.frame_ms * 1e3).clamp(1.0, f64::from(u32::MAX)) as u32);
     let mut data = arguments.scene.load()?;
     let kept = data.scene.views.clone();
     if let Some(view) = &arguments.view {

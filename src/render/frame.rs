@@ -4,8 +4,8 @@ use crate::error::Result;
 use crate::gpu::{Buffer, ComputePipeline, Recorder, RoleKind, Submitted};
 use crate::passes::march_shape::SceneResources;
 use crate::passes::{cast, march, rays, resolve};
-use crate::render::plan::DISPATCHES_PER_SUBMIT;
 use crate::render::renderer::{Renderer, Staged, Way};
+use crate::render::submit_bound::Portion;
 use crate::twins;
 
 /// A rectangle of pixels of a view.
@@ -33,17 +33,20 @@ pub(super) fn draw(
         // Rounds, not one way: see paging::draw.
         Way::Paged(_) => Ok(()),
         Way::Staged(staged) => {
-            let dispatches = renderer.plan.march_dispatches();
-            for first in (0..dispatches).step_by(DISPATCHES_PER_SUBMIT as usize) {
-                let last = dispatches.min(first + DISPATCHES_PER_SUBMIT);
+            let plan = &renderer.plan;
+            let all = plan.blocks_per_dispatch().saturating_mul(plan.march_dispatches());
+            let mut marched = 0u32;
+            while marched < all {
+                let Portion { blocks, per_submit, .. } = renderer.submit_bound.portion(plan);
                 let mut recorder = renderer.recorder();
-                if first == 0 {
+                if marched == 0 {
                     set_up_rays(renderer, staged, &mut recorder, tile);
                 }
-                for _ in first..last {
-                    march_rays(renderer, staged, &mut recorder, tile);
+                for _ in 0..per_submit.min((all - marched).div_ceil(blocks)) {
+                    march_rays(renderer, staged, &mut recorder, tile, blocks);
+                    marched = marched.saturating_add(blocks);
                 }
-                if last == dispatches {
+                if marched >= all {
                     renderer.resolve_rays(
                         &mut recorder,
                         &staged.resolve,
@@ -100,10 +103,11 @@ fn march_rays<'r>(
     staged: &'r Staged,
     recorder: &mut Recorder<'r>,
     tile: Tile,
+    blocks: u32,
 ) {
     let push = march::Push {
         tile_size_pixel: tile.size_pixel,
-        blocks_max: renderer.plan.blocks_per_dispatch(),
+        blocks_max: blocks,
         early_stop: renderer.early_stop,
     };
     let resources = march::Resources {

@@ -20,6 +20,7 @@ mod settings;
 mod srgb;
 mod statistics;
 mod stereo;
+mod submit_bound;
 mod tracing;
 mod transfer_segments;
 mod upload;

@@ -19,6 +19,7 @@ use crate::render::planned_layout::{LayoutMeter, PlannedLayout};
 use crate::render::sample_rates::sample_rates;
 use crate::render::scene_data::SceneData;
 use crate::render::settings::{Addressing, LOOP_TURNS_MAX, Settings};
+use crate::render::submit_bound::may_cast;
 use crate::render::transfer_segments::{classify_constant, open_both_ends, transfer_segments};
 use crate::render::view_pixels::{pixels_of, pixels_of_views, tiles_of};
 use crate::residency::PASSES_IN_TURNS;
@@ -250,7 +251,9 @@ impl Plan {
 
         let (picture, tile, tiles) = tiles_of(scene, settings);
         // The longest ray fits one dispatch: no state of rays is kept between passes.
-        let one_dispatch = dispatches == 1;
+        let samples = samples_of_ray_max.saturating_mul(pixels_of(tile));
+        let one_dispatch =
+            dispatches == 1 && may_cast(settings.submit_ms, gpu.facts().kind, samples);
         let buffers = plan_buffers(gpu, data, tile, segments.len(), &images, one_dispatch);
 
         let pass = |variant, count| PlannedPass::new(compiler, variant, count);

@@ -20,6 +20,7 @@ use crate::render::plan_objects::copies_of;
 use crate::render::scene_change::{NextScene, SceneChange};
 use crate::render::scene_data::SceneData;
 use crate::render::statistics::{Statistics, peak_rss_bytes};
+use crate::render::submit_bound::SubmitBound;
 use crate::render::tracing;
 use crate::render::upload::{upload, upload_codes};
 use crate::scene::{Part, RayFrame};
@@ -47,6 +48,7 @@ pub struct Renderer {
     pub(super) sampler: Option<Sampler>,
     pub(super) way: Way,
     pub(super) timestamps: Option<Timestamps>,
+    pub(super) submit_bound: SubmitBound,
     /// What the first submit waits for.
     pub(super) uploaded: Vec<TimePoint>,
     pub(super) volume_size: [u32; 3],
@@ -193,6 +195,7 @@ impl Renderer {
             sampler,
             way,
             timestamps,
+            submit_bound: SubmitBound::new(plan.settings.submit_ms, gpu.facts().kind),
             uploaded,
             volume_size,
             source: data.volumes[0].source.clone(),

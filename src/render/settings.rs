@@ -13,6 +13,9 @@ pub struct Settings {
     pub tile: [u32; 2],
     /// Samples of one ray in one dispatch, at most.
     pub steps_per_dispatch: u32,
+    /// Milliseconds that marching may take in one submit, 0: as long as it takes; nothing: an eighth of what the
+    /// strictest driver's watchdog lets pass, and as long as it takes on a processor, which has none.
+    pub submit_ms: Option<u32>,
     /// How voxels lie in their image.
     pub layout: LayoutChoice,
     /// How voxels are addressed.
@@ -56,6 +59,7 @@ impl Default for Settings {
         Settings {
             tile: [1024, 1024],
             steps_per_dispatch: 4096,
+            submit_ms: None,
             layout: LayoutChoice::Auto,
             addressing: Addressing::Auto,
             level_min: 0,

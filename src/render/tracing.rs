@@ -30,7 +30,12 @@ impl Renderer {
         // A lost device is met by whoever waits next.
         let taken = self.timestamps.as_ref().and_then(|timestamps| timestamps.take().ok());
         let Some(times) = taken.flatten() else { return };
-        times.step_ms().for_each(|(pass, ms)| statistics.add_step(pass, ms));
+        for (pass, ms) in times.step_ms() {
+            statistics.add_step(pass, ms);
+            if pass.starts_with("march") {
+                self.submit_bound.learn(ms);
+            }
+        }
         if let Some(trace) = &self.trace {
             trace.steps(&times);
         }

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, ShaderCompiler};
-use crate::render::paging::{RoundCache, RoundPicture};
+use crate::render::paging::{RoundCache, RoundPace, RoundPicture, Rung};
 use crate::render::{
     Picture, Plan, Renderer, SceneChange, SceneData, Settings, Statistics, srgb_bytes,
 };
@@ -32,8 +32,8 @@ pub struct Wanted {
     pub scene: Scene,
     /// What they are pictures of.
     pub screens: Screens,
-    /// So many times as wide are pixels as those of the screens.
-    pub wider: u32,
+    /// How coarse: its pixels and steps are so many times as wide and long as those at rest.
+    pub rung: Rung,
 }
 
 /// The picture of a window beside the first.
@@ -58,8 +58,10 @@ pub struct Shown {
     pub number: u64,
     /// Number of the scene that it shows, as [`Live::want`] gave it.
     pub scene: u64,
-    /// So many times as wide are its pixels as those of the screens.
-    pub wider: u32,
+    /// How coarse it is.
+    pub rung: Rung,
+    /// How rounds keep to their target, where they have one.
+    pub pace: Option<RoundPace>,
     /// It is the finished picture of that scene.
     pub converged: bool,
     /// Milliseconds that its last round took on the wall.
@@ -137,7 +139,7 @@ impl Live {
     /// Wants another scene, of one picture, from now on, and gives its number. Of several that nobody has drawn
     /// yet the last counts.
     pub fn want(&self, scene: Scene) -> u64 {
-        self.want_on(Wanted { scene, screens: Screens::One, wider: 1 })
+        self.want_on(Wanted { scene, screens: Screens::One, rung: Rung::FINEST })
     }
 
     /// As [`Live::want`], on several screens.
@@ -244,6 +246,7 @@ impl Drawer {
         let mut renderer = Renderer::traced(&self.gpu, plan, &data, Some(&self.trace))?;
         drop(data);
         loop {
+            renderer.draw_at(wanted.rung);
             self.draw_views(&mut renderer, &wanted, number)?;
             let Some(next) = self.shared.next_wanted() else { return Ok(None) };
             let plan = renderer.plan();
@@ -306,6 +309,7 @@ impl DrawnViews<'_> {
         let is_first = round.round == 1 && view + 1 == self.pictures.len();
         self.pictures[view] = Some(Arc::new(round.picture));
         let (cache, bricks_uploaded) = (Arc::new(round.cache), round.bricks_uploaded);
+        let pace = round.pace;
         self.show(|shown| {
             shown.converged = false;
             if is_first {
@@ -314,6 +318,7 @@ impl DrawnViews<'_> {
             shown.round_ms = round_ms;
             shown.bricks_uploaded = bricks_uploaded;
             shown.cache = cache;
+            shown.pace = pace;
         });
     }
 
@@ -331,7 +336,7 @@ impl DrawnViews<'_> {
     fn show(&self, change: impl FnOnce(&mut Shown)) {
         let pictures: Option<Vec<Arc<Picture>>> = self.pictures.iter().cloned().collect();
         let Some(pictures) = pictures else { return };
-        let (picture, others) = self.wanted.screens.of_windows(&pictures, self.wanted.wider);
+        let (picture, others) = self.wanted.screens.of_windows(&pictures, self.wanted.rung.wider);
         let bytes = Arc::new(srgb_bytes(&picture));
         let side =
             |of: &Arc<Picture>| SidePicture { size: of.size, bytes: Arc::new(srgb_bytes(of)) };
@@ -341,7 +346,7 @@ impl DrawnViews<'_> {
             shown.bytes = bytes;
             shown.others = others;
             shown.scene = self.number;
-            shown.wider = self.wanted.wider;
+            shown.rung = self.wanted.rung;
             change(shown);
         });
     }

@@ -37,7 +37,7 @@ pub struct Request {
     pub files: Files,
     /// Pixels of its picture at first.
     pub size: [u32; 2],
-    /// Milliseconds that a round may take while something moves: pixels get wider to keep to it.
+    /// Milliseconds that a round may take, as `live` was told: steps get longer and pixels wider while something moves.
     pub frame_ms: f64,
     /// Panels and their text are so many times as large.
     pub panel_scale: f32,

@@ -16,6 +16,7 @@ use egui_ash::{
 
 use crate::error::{Error, Result};
 use crate::gpu::{EguiAllocator, Gpu, WindowSurface, Windows};
+use crate::render::paging::{LADDER, Rung};
 use crate::scene::Scene;
 use crate::trace::Counter;
 use crate::viewer::distances::Distances;
@@ -32,8 +33,6 @@ use crate::viewer::{Camera, Live, PICTURE_EDGE_MAX, Report, Shown, Wanted};
 
 /// Longer than this without input, and the picture is drawn at its full size.
 const REST: Duration = Duration::from_millis(150);
-/// Pixels of a smaller picture are so many times as wide, at most.
-const PIXELS_WIDER_MAX: u32 = 8;
 /// How long the loop sleeps when there is nothing to do: so long may input wait.
 const NAP: Duration = Duration::from_millis(8);
 /// And when there was nothing to do for a while.
@@ -250,7 +249,7 @@ pub(super) struct Asked {
     /// Pixels of the window's part that shows it.
     pub size: [u32; 2],
     /// So many of them, across, to a pixel of the picture.
-    pub wider: u32,
+    pub rung: Rung,
 }
 
 impl Viewer {
@@ -260,47 +259,40 @@ impl Viewer {
     }
 
     /// Asks for the scene as it is now.
-    fn want(&mut self, size: [u32; 2], wider: u32) {
-        let wanted = self.seen(size, wider);
+    fn want(&mut self, size: [u32; 2], rung: Rung) {
+        let wanted = self.seen(size, rung);
         let (Some(live), Some(meter)) = (&self.live, &self.meter) else { return };
         meter.rest();
         self.measured.error = None;
         let number = live.want_on(wanted);
-        self.wanted = Some(Asked { number, size, wider });
+        self.wanted = Some(Asked { number, size, rung });
         lock(&self.outcome).report.scenes += 1;
     }
 
     /// The scene as the camera sees it.
-    fn seen(&self, size: [u32; 2], wider: u32) -> Wanted {
+    fn seen(&self, size: [u32; 2], rung: Rung) -> Wanted {
         let (camera, distance) = (self.camera.view(), self.camera.distance());
-        let (screens, views) = match self.screens.views(camera, distance, size, wider) {
+        let (screens, views) = match self.screens.views(camera, distance, size, rung.wider) {
             Some(views) => (self.screens.clone(), views),
             // Parallel rays have no eyes: one picture of them.
             None => (Screens::One, vec![camera.clone()]),
         };
         let mut scene = self.scene.clone();
         scene.views = views;
-        scene.picture.size = screens.picture_size(size, wider);
-        Wanted { scene, screens, wider }
+        scene.picture.size = screens.picture_size(size, rung.wider);
+        scene.quality.step *= f64::from(rung.longer);
+        Wanted { scene, screens, rung }
     }
 
-    /// How much wider a pixel must be so that a picture keeps to its time while something moves.
-    fn wider_for_moving(&self) -> u32 {
-        if self.shown.picture.is_none() {
-            return 2;
-        }
-        let ms = self.shown.round_ms * f64::from(self.shown.wider).powi(2);
-        let mut wider = 1;
-        while wider < PIXELS_WIDER_MAX && ms / f64::from(wider * wider) > self.frame_ms {
-            wider *= 2;
-        }
-        wider
+    /// How coarse a picture must be so that it keeps to its time while something moves.
+    fn rung_for_moving(&self) -> Rung {
+        self.shown.pace.as_ref().map_or(LADDER[2], |pace| pace.rung)
     }
 
     /// Whether the picture that is shown is the finished one of what was asked for, at full size.
     pub(super) fn is_finished(&self) -> bool {
         self.wanted.as_ref().is_some_and(|wanted| {
-            wanted.wider == 1 && self.shown.converged && self.shown.scene == wanted.number
+            wanted.rung == Rung::FINEST && self.shown.converged && self.shown.scene == wanted.number
         })
     }
 
@@ -312,7 +304,7 @@ impl Viewer {
         };
         if self.screens == Screens::One {
             let size = picture.size;
-            meter.measure(self.shown.number, || (self.seen(size, 1).scene, picture));
+            meter.measure(self.shown.number, || (self.seen(size, Rung::FINEST).scene, picture));
         }
         let measured = meter.measured();
         if measured.number != self.measured.number {
@@ -377,14 +369,14 @@ impl Viewer {
         let writes = self.along.as_ref().is_some_and(|along| along.writes.is_some());
         if moved || resized {
             self.moved = now;
-            let wider = if writes { 1 } else { self.wider_for_moving() };
-            self.want(size, wider);
+            let rung = if writes { Rung::FINEST } else { self.rung_for_moving() };
+            self.want(size, rung);
             let number = self.wanted.as_ref().map_or(0, |wanted| wanted.number);
             self.asked.get_or_insert((number, now));
-        } else if self.wanted.as_ref().is_some_and(|wanted| wanted.wider > 1)
+        } else if self.wanted.as_ref().is_some_and(|wanted| wanted.rung != Rung::FINEST)
             && (writes || now - self.moved > REST)
         {
-            self.want(size, 1);
+            self.want(size, Rung::FINEST);
         }
     }
 

@@ -177,6 +177,7 @@ pub fn settings(chance: &mut Chance, patience: Duration) -> Settings {
     };
     Settings {
         tile: chance.one(&[[1024, 1024], [40, 24], [16, 64]]),
+        submit_ms: None,
         steps_per_dispatch: chance.one(&[32, 512, 4096]),
         layout: chance.one(&[LayoutChoice::Auto, LayoutChoice::Only(Layout::Plain)]),
         addressing: Addressing::Paged,

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use ashfall::gpu::ShaderCompiler;
 use ashfall::passes::SOURCES;
+use ashfall::render::paging::Rung;
 use ashfall::render::{Addressing, SceneData, Settings, StereoLayout, srgb_bytes};
 use ashfall::scene::{Overrides, Refine, Scene};
 use ashfall::viewer::{Camera, EyesLayout, Live, PICTURE_EDGE_MAX, Screens, Shown, Wanted};
@@ -137,7 +138,11 @@ fn pictures_of_several_views_come_together() {
         camera.orbit(0.05, 0.01);
         let views = screens.views(camera.view(), camera.distance(), [160, 60], 1);
         scene_of.views = views.expect("eyes");
-        live.want_on(Wanted { scene: scene_of.clone(), screens: screens.clone(), wider: 1 });
+        live.want_on(Wanted {
+            scene: scene_of.clone(),
+            screens: screens.clone(),
+            rung: Rung::FINEST,
+        });
         std::thread::sleep(Duration::from_millis(5));
     }
     let shown = live.converged();

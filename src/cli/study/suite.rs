@@ -14,7 +14,7 @@ use crate::gpu::Gpu;
 use crate::study::stability::suite::{Choice, run as draw};
 
 /// Flags of a study of one scene, which a suite does not take.
-pub(super) const OF_A_SCENE: [&str; 50] = [
+pub(super) const OF_A_SCENE: [&str; 51] = [
     "scene",
     "raw_size",
     "raw_type",
@@ -51,6 +51,7 @@ pub(super) const OF_A_SCENE: [&str; 50] = [
     "streaming_bricks",
     "tile",
     "steps_per_dispatch",
+    "submit_ms",
     "layout",
     "no_skipping",
     "addressing",

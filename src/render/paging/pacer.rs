@@ -68,6 +68,12 @@ pub const LADDER: [Rung; 7] = [
     Rung { wider: 8, longer: 4 },
 ];
 
+impl Default for Rung {
+    fn default() -> Rung {
+        Rung::FINEST
+    }
+}
+
 impl Rung {
     /// Of a picture at rest.
     pub const FINEST: Rung = LADDER[0];

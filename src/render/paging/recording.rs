@@ -55,8 +55,9 @@ pub struct RecordedOf {
 pub enum Event {
     /// A tile of a view begins: the view's number, the tile's first pixel.
     Tile(u32, [u32; 2]),
-    /// A round was submitted; whether the octree marched, and how many updates it published.
-    Round(bool, u32),
+    /// A round was submitted; whether the octree marched, how many updates it published, and blocks of samples in
+    /// a dispatch.
+    Round(bool, u32, u32),
     /// What it reported.
     Report(RecordedReport),
     /// What is known of a block came.

@@ -15,6 +15,7 @@ use crate::render::plan::Plan;
 use crate::render::renderer::{Renderer, Way};
 use crate::render::scene_data::SceneData;
 use crate::render::statistics::Unfinished;
+use crate::render::submit_bound::Portion;
 use crate::residency::Report;
 use crate::twins::publish::Update;
 use crate::volume::BrickId;
@@ -118,14 +119,14 @@ impl Event {
 
 impl Paged {
     /// What the next round publishes.
-    pub(super) fn next_updates(&mut self, view: u32) -> Result<Vec<Update>> {
+    pub(super) fn next_updates(&mut self, view: u32, blocks: u32) -> Result<Vec<Update>> {
         let most = self.plan.residency.updates_max as usize;
         let octree = self.way(view) == Some(Marches::Octree);
         let mut updates = self.host.take_updates(most);
         match &mut self.script {
             None => {}
             Some(Script::Record(recording)) => {
-                recording.push(Event::Round(octree, updates.len() as u32))?;
+                recording.push(Event::Round(octree, updates.len() as u32, blocks))?;
             }
             Some(Script::Replay(replay)) => {
                 replay.round(updates.len())?;
@@ -160,6 +161,17 @@ impl Rounds<'_, '_> {
 
     pub(super) fn is_forced(&self) -> bool {
         matches!(&self.paged.script, Some(Script::Replay(replay)) if replay.is_forced())
+    }
+
+    /// What marches the next round: as it did, where it is replayed, since reports count by dispatches.
+    pub(super) fn portion(&mut self) -> Result<Portion> {
+        let plan = &self.renderer.plan;
+        let portion = self.renderer.submit_bound.portion(plan);
+        let Some(Script::Replay(replay)) = &self.paged.script else { return Ok(portion) };
+        let blocks = replay.blocks()?.min(plan.blocks_per_dispatch());
+        self.renderer.submit_bound.submits(blocks);
+        let all = plan.blocks_per_dispatch().saturating_mul(plan.march_dispatches());
+        Ok(Portion { blocks, dispatches: all.div_ceil(blocks), ..portion })
     }
 
     /// Writes down what happened, where that is done.

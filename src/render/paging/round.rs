@@ -6,8 +6,8 @@ use crate::passes::{forget, march_bricks, rays};
 use crate::render::frame::Tile;
 use crate::render::paging::paged::Paged;
 use crate::render::paging::traversal_choice::Way;
-use crate::render::plan::DISPATCHES_PER_SUBMIT;
 use crate::render::renderer::Renderer;
+use crate::render::submit_bound::Portion;
 use crate::residency::Allowance;
 use crate::twins;
 
@@ -21,6 +21,8 @@ pub struct Round<'a> {
     pub forget: bool,
     pub allowances: &'a [Allowance],
     pub level: u32,
+    /// What marches.
+    pub portion: Portion,
 }
 
 impl Renderer {
@@ -35,7 +37,7 @@ impl Renderer {
             paged.constants.write(first as u64 * 16, bytemuck::cast_slice(texels))?;
         }
         paged.tell_leaves()?;
-        let updates = paged.next_updates(round.tile.view)?;
+        let updates = paged.next_updates(round.tile.view, round.portion.blocks)?;
         paged.residency.begin(&updates)?;
         paged.trace_published(&updates);
         let mut waits: Vec<TimePoint> = std::mem::take(&mut paged.first_copies);
@@ -45,7 +47,7 @@ impl Renderer {
             tile_size_pixel: round.tile.size_pixel,
             volume_size: self.volume_size,
             view: round.tile.view,
-            blocks_max: self.plan.blocks_per_dispatch(),
+            blocks_max: round.portion.blocks,
             early_stop: self.early_stop,
             round: paged.residency.round(),
             last: 0,
@@ -58,14 +60,14 @@ impl Renderer {
         if self.plan.settings.paging.keep_records {
             paged.readable.extend(&published);
         }
-        let dispatches = self.plan.march_dispatches();
+        let Portion { dispatches, per_submit, .. } = round.portion;
         let march = match (paged.way(round.tile.view), &paged.other_march) {
             (Some(Way::Octree), Some((march, _))) => march.clone(),
             _ => paged.march.clone(),
         };
         let mut point = None;
-        for first in (0..dispatches).step_by(DISPATCHES_PER_SUBMIT as usize) {
-            let last = dispatches.min(first + DISPATCHES_PER_SUBMIT);
+        for first in (0..dispatches).step_by(per_submit as usize) {
+            let last = dispatches.min(first + per_submit);
             let mut recorder = self.recorder();
             if first == 0 {
                 if !paged.cleared {

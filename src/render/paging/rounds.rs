@@ -225,17 +225,19 @@ impl Rounds<'_, '_> {
         let allowances: Vec<_> = (0..self.paged.plan.residency.atlases.len())
             .map(|atlas| self.allowance(atlas))
             .collect();
+        let portion = self.portion()?;
         let round = Round {
             tile: self.tile,
             first,
             forget: std::mem::take(&mut self.forget),
             allowances: &allowances,
             level: self.paged.plan.views[self.tile.view as usize].in_use[0],
+            portion,
         };
         let keep = plan.settings.paging.keep_records;
         let (statistics, records) = (&mut *self.statistics, &mut *self.records);
         let renderer = self.renderer;
-        let several = plan.march_dispatches() > crate::render::plan::DISPATCHES_PER_SUBMIT;
+        let several = portion.dispatches > portion.per_submit;
         let point = self.renderer.submit_round(self.paged, &round, |submitted| {
             // One set of timestamps: they are read before the next submit writes them.
             if several {

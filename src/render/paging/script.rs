@@ -158,9 +158,17 @@ impl Replay {
         }
     }
 
+    /// Blocks of samples in each dispatch of the round that comes next.
+    pub fn blocks(&self) -> Result<u32> {
+        match self.events.front() {
+            Some(Event::Round(_, _, blocks)) if *blocks > 0 => Ok(*blocks),
+            _ => Err(self.apart("a round begins where another thing happened")),
+        }
+    }
+
     /// A round is submitted with so many updates.
     pub fn round(&mut self, updates: usize) -> Result<()> {
-        let Event::Round(octree, recorded) = self.next("a round")? else {
+        let Event::Round(octree, recorded, _) = self.next("a round")? else {
             return Err(self.apart("a round begins where another thing happened"));
         };
         self.told.rounds += 1;
