@@ -29,6 +29,8 @@ mod plan;
 mod recovery;
 #[path = "paging/replay.rs"]
 mod replay;
+#[path = "paging/replay_files.rs"]
+mod replay_files;
 #[path = "paging/same_bytes.rs"]
 mod same_bytes;
 #[path = "paging/sample_rates.rs"]
