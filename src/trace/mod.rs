@@ -25,4 +25,4 @@ pub mod summary;
 pub use clip::{Clipped, follow_each_other, nest};
 pub use clock::{ClockReport, QueueClock};
 pub use event::{BrickStep, Counter, Details, Span, Track};
-pub use recording::{Guard, Trace, TraceOptions};
+pub use recording::{Guard, Trace, TraceOptions, TraceSize};
