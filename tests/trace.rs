@@ -1,5 +1,7 @@
 //! A trace tells what statistics tell, is valid, bounded, and costs no picture a bit.
 
+#[path = "trace/draw.rs"]
+mod draw;
 #[path = "trace/file.rs"]
 mod file;
 mod folder;

@@ -19,8 +19,11 @@ mod clip;
 mod clock;
 mod event;
 mod flows;
+mod reading;
 mod recording;
 pub mod summary;
+pub mod timeline;
+mod timeline_svg;
 
 pub use clip::{Clipped, follow_each_other, nest};
 pub use clock::{ClockReport, QueueClock};
