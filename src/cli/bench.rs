@@ -7,6 +7,7 @@ mod overhead;
 mod paging;
 mod sample;
 mod store;
+mod trace;
 mod upload;
 
 use clap::{Args, Subcommand};
@@ -30,6 +31,7 @@ enum Bench {
     Features(features::Arguments),
     Interaction(Box<interaction::Arguments>),
     Store(store::Arguments),
+    Trace(Box<trace::Arguments>),
 }
 
 /// Runs one bench.
@@ -43,5 +45,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Bench::Features(arguments) => features::run(arguments),
         Bench::Interaction(arguments) => interaction::run(arguments),
         Bench::Store(arguments) => store::run(arguments),
+        Bench::Trace(arguments) => trace::run(arguments),
     }
 }
