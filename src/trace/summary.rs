@@ -8,6 +8,7 @@
 //! - *Stalls*: the host waits for the device ("wait"), for something to come from the loaders ("load"), for a staging
 //!   half that a copy still reads ("wait for half"); a loader is idle while it neither reads, decodes, inspects nor
 //!   surveys: between two jobs, before the first one (from the trace's first span on), and after the last one.
+//!   Rendering waits for loaders while its queue is idle, between two of its steps, and a loader is not.
 //! - *Wasted*: bricks published that no ray went through before they went, or the trace ended. Their bytes are what
 //!   was copied for each of them.
 //! - *Reload factor*: bricks published over distinct bricks published.
@@ -247,6 +248,7 @@ fn stalls(read: &Recorded) -> Vec<Stall> {
     for (name, cause) in STALLS {
         add(cause, host_ms(read, name));
     }
+    add("rendering for loaders", starved_ms(read));
     let [mut before, mut between, mut after] = [const { Vec::new() }; 3];
     for loader in read.tracks.values().filter(|track| track.name.starts_with("loader")) {
         let idle = Idle::of(loader, read.wall_us());
@@ -259,6 +261,24 @@ fn stalls(read: &Recorded) -> Vec<Stall> {
     add("loaders after their last wish", after);
     stalls.sort_by(|a, b| b.ms.total_cmp(&a.ms));
     stalls
+}
+
+/// Of each time that the render queue was idle between two steps, how long a loader worked.
+fn starved_ms(read: &Recorded) -> Vec<f64> {
+    let named = |name| read.tracks.values().filter(move |track| track.name.starts_with(name));
+    let rays = named("render queue").next().map(|track| busy_us(&track.slices));
+    let loaders = named("loader").flat_map(|track| &track.slices).copied();
+    let loads = busy_us(&loaders.collect::<Vec<Slice>>());
+    let mut next = 0;
+    let mut starved = |[idle, end]: [f64; 2]| {
+        // Both are sorted: what ended before this time is of no later one.
+        next += loads[next..].iter().take_while(|load| load[1] <= idle).count();
+        let within = loads[next..].iter().take_while(|load| load[0] < end);
+        within.map(|load| load[1].min(end) - load[0].max(idle)).fold(0.0, |sum, us| sum + us)
+    };
+    let rays = rays.unwrap_or_default();
+    let idle = rays.windows(2).map(|pair| starved([pair[0][1], pair[1][0]]));
+    idle.filter(|us| *us > SAME_US).map(|us| us * 1e-3).collect()
 }
 
 /// When a loader had nothing to do.

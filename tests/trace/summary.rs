@@ -159,6 +159,17 @@ fn each_cause_of_a_stall_is_told_by_its_name() {
             ],
             [40.0, 2.0],
         ),
+        // Two loaders at once count once; what comes before the first step and after the last one is not between.
+        (
+            "rendering for loaders",
+            vec![
+                busy(),
+                span((1, 3), "read", [0.0, 100.0], 0),
+                span(RENDER, "march_bricks", [10.0, 30.0], 0),
+                span(RENDER, "march_bricks", [70.0, 90.0], 0),
+            ],
+            [40.0, 1.0],
+        ),
         // What a loader does part by part is no pause, nor is the rounding of its times.
         (
             "loaders for wishes",
@@ -175,7 +186,11 @@ fn each_cause_of_a_stall_is_told_by_its_name() {
         ("loaders after their last wish", vec![span(LOADER, "read", [0.0, 60.0], 0)], [40.0, 1.0]),
     ];
     for (cause, events, [ms, count]) in cases {
-        let summary = Summary::of(&file(&[&[round()], &events[..]].concat())).expect("a trace");
+        let other = json!({ "ph": "M", "name": "thread_name", "pid": 1, "tid": 3, "args": { "name": "loader 1" } });
+        let two = events.iter().any(|event| event["tid"] == 3);
+        let other = if two { &[other][..] } else { &[] };
+        let events = [&[round()], &events[..], other].concat();
+        let summary = Summary::of(&file(&events)).expect("a trace");
         let [stall] = &summary.stalls[..] else { panic!("{cause}: {:?}", summary.stalls) };
         assert_eq!((&*stall.cause, stall.count as f64), (cause, count));
         assert!((stall.ms - ms).abs() < 1e-6, "{cause}: {} ms", stall.ms);
