@@ -129,6 +129,10 @@ struct Loader {
 
 impl Loader {
     fn run(self) {
+        #[cfg(feature = "tracy")]
+        if let Some(client) = tracy_client::Client::running() {
+            client.set_thread_name(&format!("loader {}", self.number));
+        }
         let mut buffer = Vec::new();
         for job in &self.jobs {
             // Jobs that were handed over before the stop are not worth a read.

@@ -24,6 +24,8 @@ mod recording;
 pub mod summary;
 pub mod timeline;
 mod timeline_svg;
+#[cfg(feature = "tracy")]
+mod tracy;
 
 pub use clip::{Clipped, follow_each_other, nest};
 pub use clock::{ClockReport, QueueClock};

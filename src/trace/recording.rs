@@ -7,6 +7,8 @@ use std::time::Instant;
 use crate::gpu::{Gpu, RoleKind, SubmitTimes};
 use crate::trace::clock::signed_ns;
 use crate::trace::event::{BrickStep, Counter, Details, Event, Span, Track};
+#[cfg(feature = "tracy")]
+use crate::trace::tracy;
 use crate::trace::{ClockReport, QueueClock};
 use crate::volume::BrickId;
 
@@ -89,10 +91,16 @@ pub struct Guard {
     name: &'static str,
     begin: Instant,
     details: Details,
+    #[cfg(feature = "tracy")]
+    _zone: Option<tracy::Zone>,
 }
 
 impl Drop for Guard {
     fn drop(&mut self) {
+        #[cfg(feature = "tracy")]
+        if let Details::Round(_) = self.details {
+            tracy::frame_end();
+        }
         self.trace.span(Track::Host, self.name, [self.begin, Instant::now()], self.details);
     }
 }
@@ -100,13 +108,22 @@ impl Drop for Guard {
 impl Trace {
     /// An empty one that begins now.
     pub fn new(gpu: &Arc<Gpu>, options: TraceOptions) -> Arc<Trace> {
+        #[cfg(feature = "tracy")]
+        tracy::start();
         let (gpu, start) = (gpu.clone(), Instant::now());
         Arc::new(Trace { gpu, options, start, filled: Mutex::default() })
     }
 
     /// Begins a span of the host, which ends when the guard is dropped.
     pub fn begin(self: &Arc<Trace>, name: &'static str, details: Details) -> Guard {
-        Guard { trace: self.clone(), name, begin: Instant::now(), details }
+        Guard {
+            trace: self.clone(),
+            name,
+            begin: Instant::now(),
+            details,
+            #[cfg(feature = "tracy")]
+            _zone: tracy::zone(name),
+        }
     }
 
     /// Begins a round, which ends when the guard is dropped.
@@ -131,6 +148,8 @@ impl Trace {
         if filled.counted[counter as usize].replace(value) != Some(value) {
             let at_ns = self.now_ns();
             self.push(&mut filled, Event::Count { counter, at_ns, value });
+            #[cfg(feature = "tracy")]
+            tracy::plot(counter, value);
         }
     }
 

@@ -432,14 +432,16 @@ mod tests {
     fn a_chart_holds_its_value_until_it_changes_and_four_points_a_pixel_at_most() {
         let value = |ts: f64, value: f64| json!({ "ph": "C", "name": "rays waiting", "pid": 1, "tid": 0, "ts": ts, "args": { "value": value } });
         let mut events = vec![span(1, "round", [0.0, 1030.0]), value(10.0, 7.0)];
-        events.extend((0..100).map(|n| value(20.0 + 0.009 * f64::from(n), f64::from(n % 50))));
+        let within = |n: u32| f64::from((n + 20) % 50);
+        events.extend((0..99).map(|n| value(20.0 + 0.009 * f64::from(n), within(n))));
         let file = file(events);
         let charts = of(&file, &Choice::default()).charts;
-        let line = [(10.0, 7.0), (20.0, 0.0), (20.0, 49.0), (1030.0, 49.0)];
-        assert_eq!(charts, [Chart { title: "rays waiting", most: 49.0, lines: vec![line.into()] }]);
+        let pixel = [(20.0, 20.0), (20.0, 0.0), (20.0, 49.0), (20.0, 18.0)];
+        let line = [&[(10.0, 7.0)], &pixel[..], &[(1030.0, 18.0)]].concat();
+        assert_eq!(charts, [Chart { title: "rays waiting", most: 49.0, lines: vec![line] }]);
         let choice = Choice { from_ms: Some(0.515), ..Choice::default() };
         let late = &of(&file, &choice).charts[0];
-        assert_eq!(late.lines, [[(0.0, 49.0), (WIDTH, 49.0)]], "as it was before");
+        assert_eq!(late.lines, [[(0.0, 18.0), (WIDTH, 18.0)]], "as it was before");
     }
 
     #[test]
@@ -464,6 +466,8 @@ mod tests {
         }
         let early = Choice { to_ms: Some(0.15), ..Choice::default() };
         assert_eq!(of(&file, &early).way.expect("a brick").number, 0);
+        let late = Choice { from_ms: Some(0.15), ..Choice::default() };
+        assert_eq!(of(&file, &late).way, None, "none came within it whole");
         let recorded = Recorded::of(&file).expect("a trace");
         let refused = |choice| match Timeline::of(&file, &recorded, &choice) {
             Err(Refused::Choice(why)) => why,

@@ -335,14 +335,21 @@ fn value_words(title: &str, value: f64) -> String {
 /// Arrows from lane to lane, and the numbers of places; those too near each other share a ring.
 fn draw_way(out: &mut String, way: &DrawnWay, middles: &[f64]) {
     let y_of = |lane: usize| middles.get(lane).copied().unwrap_or(0.0);
-    // Lane, from, to, numbers.
+    // Lane, from, to, numbers; and the rings in the order of the way.
     let mut rings: Vec<(usize, [f64; 2], String)> = Vec::new();
+    let mut order: Vec<usize> = Vec::new();
     for (number, (lane, x, _, _)) in way.places.iter().enumerate() {
         let words = (number + 1).to_string();
-        match rings.last_mut().filter(|(of, at, _)| of == lane && x - at[1] < 2.0 * RING) {
-            Some((_, at, known)) => {
+        let near = |(of, at, _): &&mut (usize, [f64; 2], String)| {
+            of == lane && x - at[1] < 2.0 * RING + 2.0
+        };
+        let ring = rings.iter_mut().position(|ring| near(&ring));
+        order.push(ring.unwrap_or(rings.len()));
+        match ring {
+            Some(ring) => {
+                let (_, at, known) = &mut rings[ring];
                 at[1] = *x;
-                *known = format!("{known} {words}");
+                *known += &format!(" {words}");
             }
             None => rings.push((*lane, [*x; 2], words)),
         }
@@ -350,8 +357,8 @@ fn draw_way(out: &mut String, way: &DrawnWay, middles: &[f64]) {
     let middle = |at: &[f64; 2]| LEFT + (at[0] + at[1]) / 2.0;
     let half = |words: &str| RING.max(LETTER * words.len() as f64 / 2.0 + 3.0);
     let mut arrows = String::new();
-    for pair in rings.windows(2) {
-        let (from, to) = (&pair[0], &pair[1]);
+    for pair in order.windows(2).filter(|pair| pair[0] != pair[1]) {
+        let (from, to) = (&rings[pair[0]], &rings[pair[1]]);
         let [x0, y0] = [middle(&from.1), y_of(from.0)];
         let [x1, y1] = [middle(&to.1), y_of(to.0)];
         let long = (x1 - x0).hypot(y1 - y0).max(1e-9);
