@@ -1,4 +1,4 @@
-//! `ashfall bench overhead`, `octree`, `upload`, `paging` and `features` run small here, so that they cannot
+//! `ashfall bench overhead`, `octree`, `upload`, `paging`, `features` and `trace` run small here, so that they cannot
 //! rot. What they count is held to; what they time is not.
 
 mod folder;
@@ -263,9 +263,55 @@ fn features_are_priced_by_taking_them_away() {
 }
 
 #[test]
+fn a_trace_is_priced_by_equal_pictures() {
+    let folder = Folder::in_memory();
+    let scene = r#"format = 1
+[[volume]]
+name = "shells"
+source = { computed = "shells", size = [64, 64, 64] }
+[[volume.channel]]
+window = [0.0, 255.0]
+transfer = [{ at = 0.3, color = [0.5, 0.5, 0.5], extinction = 0.0 }, { at = 1.0, color = [1.0, 1.0, 1.0], extinction = 0.1 }]
+[[view]]
+name = "front"
+eye = [32.0, 40.0, 160.0]
+target = [32.0, 32.0, 32.0]
+up = [0.0, 1.0, 0.0]
+fov_degrees = 36.0
+[[view]]
+name = "side"
+eye = [160.0, 40.0, 32.0]
+target = [32.0, 32.0, 32.0]
+up = [0.0, 1.0, 0.0]
+fov_degrees = 36.0
+"#;
+    std::fs::write(folder.path("shells.toml"), scene).unwrap();
+    let scene = folder.path("shells.toml");
+    let small = ["--size", "24x20", "--level-max", "0", "--atlas-slots", "4", "--repeats", "2"];
+    let price = figures(&[&["trace", scene.to_str().unwrap()], &small[..]].concat());
+    for key in ["off_ms", "on_ms", "ratio", "wall_ratio", "noise"] {
+        assert!(is_spread(&price[key]), "{key} of {price}");
+    }
+    let number = |key: &str| price[key].as_f64().unwrap_or_else(|| panic!("{key} of {price}"));
+    assert_eq!((number("views"), number("repeats"), number("ratio_goal")), (2.0, 2.0, 1.03));
+    // Four slots: bricks come and go in every frame, and each tells its way.
+    assert!(number("bricks_uploaded") >= 4.0 && number("rounds") > 1.0, "{price}");
+    assert!(number("events") > 10.0 * number("rounds"), "{price}");
+    assert!(number("places") > 0.3 * number("events"), "{price}");
+    assert!(number("memory_bytes") > 40.0 * number("events"), "{price}");
+    assert!(number("file_bytes") > number("memory_bytes"), "{price}");
+    let share =
+        number("places") * number("place_ns") * 1e-6 / price["off_ms"]["median"].as_f64().unwrap();
+    assert!((number("off_share") / share - 1.0).abs() < 1e-9 && share < 0.01, "{price}");
+    let stereo = bench(&["trace", scene.to_str().unwrap(), "--stereo", "side-by-side"]);
+    assert_eq!(stereo.status.code(), Some(2), "{stereo:?}");
+}
+
+#[test]
 fn wrong_words_are_wrong_arguments() {
     for arguments in [
-        &["overhead", "--edge", "4"][..],
+        &["trace", "missing.toml", "--repeats", "0"][..],
+        &["overhead", "--edge", "4"],
         &["overhead", "--size", "large"],
         &["octree", "--only", "any"],
         &["octree", "--only", "bonsai"],

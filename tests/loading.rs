@@ -8,6 +8,8 @@ mod faults;
 mod model;
 #[path = "loading/order.rs"]
 mod order;
+#[path = "loading/parts.rs"]
+mod parts;
 mod random;
 #[path = "loading/shutdown.rs"]
 mod shutdown;

@@ -10,9 +10,9 @@ use std::process::Command;
 /// A file as the rules see it: its path in the repository, with slashes, and its text.
 type File<'a> = (&'a str, &'a str);
 
-/// DESIGN section 3: what each room may use beside itself and `error`. Three refinements: the structs
+/// DESIGN section 3: what each room may use beside itself and `error`. Four refinements: the structs
 /// that host and shaders share live in `twins`, so passes use them; `error` is every room's. The viewer
-/// hands devices and windows on to `gpu`.
+/// hands devices and windows on to `gpu`; `study` prices a trace.
 const ROOMS: &[(&str, &[&str])] = &[
     ("error", &[]),
     ("volume", &[]),
@@ -45,6 +45,7 @@ const ROOMS: &[(&str, &[&str])] = &[
             "residency",
             "render",
             "reference",
+            "trace",
         ],
     ),
     ("trace", &["gpu", "volume"]),

@@ -1,8 +1,12 @@
 //! A trace tells what statistics tell, is valid, bounded, and costs no picture a bit.
 
+#[path = "trace/draw.rs"]
+mod draw;
 #[path = "trace/file.rs"]
 mod file;
 mod folder;
+#[path = "trace/loaders.rs"]
+mod loaders;
 #[path = "trace/summary.rs"]
 mod summary;
 
@@ -88,6 +92,11 @@ fn check_paged(drawn: &Drawn) {
     assert_eq!(reads + of(&trace.about, "reads_under_way"), loading.reads);
     assert_eq!(trace.spans("loader", "survey").len() as u64, loading.surveys);
     assert_eq!(trace.sum("loader", "read", "bytes"), loading.bytes_read);
+    assert!(trace.spans("loader", "decode").is_empty(), "nothing that is computed is decoded");
+    assert_eq!(trace.tracks.keys().filter(|track| track.starts_with("loader")).count(), 2);
+    let submitted = |args: &serde_json::Value| of(args, "bytes");
+    let bytes = trace.args_of("submitted").map(submitted).sum::<u64>();
+    assert_eq!(bytes, statistics.bytes_uploaded, "each brick's own");
     for name in ["round", "submit", "report"] {
         assert_eq!(trace.spans("rounds", name).len() as u64, statistics.rounds, "{name}");
     }

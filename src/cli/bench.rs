@@ -8,6 +8,7 @@ mod pacing;
 mod paging;
 mod sample;
 mod store;
+mod trace;
 mod upload;
 
 use clap::{Args, Subcommand};
@@ -32,6 +33,7 @@ enum Bench {
     Features(features::Arguments),
     Interaction(Box<interaction::Arguments>),
     Store(store::Arguments),
+    Trace(Box<trace::Arguments>),
 }
 
 /// Runs one bench.
@@ -46,5 +48,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Bench::Features(arguments) => features::run(arguments),
         Bench::Interaction(arguments) => interaction::run(arguments),
         Bench::Store(arguments) => store::run(arguments),
+        Bench::Trace(arguments) => trace::run(arguments),
     }
 }

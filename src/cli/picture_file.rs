@@ -37,7 +37,6 @@ pub fn write_layers(path: &Path, picture: &Picture, layers: &[(String, &[f32])])
 ///
 /// # Errors
 /// Exit code 4 when it cannot be written.
-#[cfg(feature = "viewer")]
 pub fn write_whole(path: &Path, text: &str) -> Result<()> {
     written_whole(path, text.as_bytes())
 }

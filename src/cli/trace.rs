@@ -1,15 +1,18 @@
-//! `ashfall trace`: what a trace's file says in numbers, and what changed between two.
+//! `ashfall trace`: what a trace's file says in numbers, what changed between two, and a picture of it.
 
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 use serde::Serialize;
+use serde_json::Value;
 
 use crate::cli::output::{print, print_json};
+use crate::cli::picture_file::{folder_is_there, write_whole};
 use crate::error::{Error, Result};
 use crate::trace::summary::{Percentiles, Summary};
+use crate::trace::timeline::{Choice, Refused, draw};
 
-/// Say in numbers what a trace (`--trace FILE` of render, or the window's) shows.
+/// Say in numbers, or draw, what a trace (`--trace FILE` of render, or the window's) shows.
 #[derive(Args)]
 pub struct Arguments {
     #[command(subcommand)]
@@ -36,6 +39,33 @@ enum What {
         #[arg(long)]
         json: bool,
     },
+    /// A picture of a trace: a lane for each thread and queue, counters below, and one brick's way.
+    ///
+    /// Spans narrower than half a pixel are merged, so choose a few rounds with --from and --to to tell them apart.
+    Draw(DrawArguments),
+}
+
+#[derive(Args)]
+struct DrawArguments {
+    /// The trace (.json).
+    file: PathBuf,
+    /// Picture file, .svg.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Milliseconds since the trace began; default: its beginning.
+    #[arg(long, value_name = "MS", value_parser = milliseconds)]
+    from: Option<f64>,
+    /// One past the last millisecond; default: the trace's end.
+    #[arg(long, value_name = "MS", value_parser = milliseconds)]
+    to: Option<f64>,
+    /// The brick whose way is drawn: its flow's number; default: of those that came within the picture, the slowest.
+    #[arg(long, value_name = "N")]
+    brick: Option<u64>,
+}
+
+fn milliseconds(text: &str) -> std::result::Result<f64, String> {
+    let number: f64 = text.parse().map_err(|_| "must be a number of milliseconds".to_owned())?;
+    if number.is_finite() { Ok(number) } else { Err("must be finite".to_owned()) }
 }
 
 /// Both, side by side.
@@ -70,15 +100,39 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             }
             print(changes_text(&changes))
         }
+        What::Draw(arguments) => draw_file(arguments),
     }
 }
 
+fn draw_file(arguments: &DrawArguments) -> Result<()> {
+    let DrawArguments { file, output, from, to, brick } = arguments;
+    if output.extension().is_none_or(|ending| ending != "svg") {
+        return Err(Error::arguments(format!(
+            "{}: pictures of traces are SVG: give -o a name that ends in .svg",
+            output.display()
+        )));
+    }
+    folder_is_there(output)?;
+    let choice = Choice { from_ms: *from, to_ms: *to, brick: *brick };
+    let svg = draw(&json(file)?, &choice).map_err(|why| match why {
+        Refused::File(why) => not_ours(file, &why),
+        Refused::Choice(why) => Error::arguments(format!("{}: {why}", file.display())),
+    })?;
+    write_whole(output, &svg)
+}
+
 fn read(path: &Path) -> Result<Summary> {
+    Summary::of(&json(path)?).map_err(|why| not_ours(path, &why))
+}
+
+fn json(path: &Path) -> Result<Value> {
     let refuse = |why: String| Error::input(format!("{}: {why}", path.display()));
     let bytes = std::fs::read(path).map_err(|why| refuse(format!("cannot be read: {why}")))?;
-    let file =
-        serde_json::from_slice(&bytes).map_err(|why| refuse(format!("is no JSON: {why}")))?;
-    Summary::of(&file).map_err(|why| refuse(format!("{why}: is it a trace of ashfall's?")))
+    serde_json::from_slice(&bytes).map_err(|why| refuse(format!("is no JSON: {why}")))
+}
+
+fn not_ours(path: &Path, why: &str) -> Error {
+    Error::input(format!("{}: {why}: is it a trace of ashfall's?", path.display()))
 }
 
 fn text(summary: &Summary) -> String {
@@ -121,11 +175,12 @@ fn text(summary: &Summary) -> String {
         lines.push(percentiles("wanted to published", &summary.wanted_to_published_ms));
         lines.push(percentiles("wanted to sampled", &summary.wanted_to_sampled_ms));
         lines.push(format!(
-            "{} bricks, {} of them distinct: reload factor {:.2}; {} were never sampled, about {} of {} bytes; {:.0} bytes a round",
+            "{} bricks, {} of them distinct: reload factor {:.2}; {} were never sampled, {}{} of {} bytes; {:.0} bytes a round",
             summary.bricks_published,
             summary.bricks_distinct,
             summary.reload_factor,
             summary.bricks_wasted,
+            if summary.bytes_wasted_guessed > 0 { "about " } else { "" },
             summary.bytes_wasted,
             summary.bytes_copied,
             summary.bytes_per_round

@@ -13,12 +13,47 @@ const KEPT_MAX: usize = 1 << 16;
 pub struct DoneJob {
     /// Number of the loader, from 0.
     pub loader: usize,
-    /// When it began.
-    pub begin: Instant,
+    /// When its parts began.
+    pub moments: Moments,
     /// When it had ended.
     pub end: Instant,
     /// What it was.
     pub work: DoneWork,
+}
+
+/// When the parts of a job began.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Moments {
+    /// The job: a read or a survey.
+    pub begin: Instant,
+    /// What was read is decoded and checked from here on; nothing where the source does not tell it apart.
+    pub decode: Option<Instant>,
+    /// [`Inspect`](crate::loading::Inspect) looks at the voxels from here on; nothing where nobody does.
+    pub inspect: Option<Instant>,
+}
+
+impl Moments {
+    /// Of a job that begins now.
+    pub fn begin() -> Moments {
+        Moments { begin: Instant::now(), decode: None, inspect: None }
+    }
+}
+
+impl DoneJob {
+    /// Its parts by name, one after the other: from when to when.
+    pub fn parts(&self) -> impl Iterator<Item = (&'static str, [Instant; 2])> {
+        let Moments { begin, decode, inspect } = self.moments;
+        let first = match self.work {
+            DoneWork::Read { .. } => "read",
+            DoneWork::Survey { .. } => "survey",
+        };
+        let parts = [
+            Some((first, [begin, decode.or(inspect).unwrap_or(self.end)])),
+            decode.map(|decode| ("decode", [decode, inspect.unwrap_or(self.end)])),
+            inspect.map(|inspect| ("inspect", [inspect, self.end])),
+        ];
+        parts.into_iter().flatten()
+    }
 }
 
 /// What a loader did.

@@ -3,10 +3,11 @@
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::time::Instant;
 
 use crate::error::{Error, Exit, Result};
-use crate::loading::{Block, DoneWork};
-use crate::source::{BrickEntry, BrickSource, read_checked};
+use crate::loading::{Block, DoneWork, Moments};
+use crate::source::{BrickEntry, BrickSource, read_checked_telling};
 use crate::volume::{BrickId, ValueRange};
 
 /// The sources by volume.
@@ -57,20 +58,29 @@ impl Arrival {
 
 impl Job {
     /// Does it. `buffer` keeps its memory between reads, so that a brick is allocated once, at its
-    /// own size, which is what the cache counts.
+    /// own size, which is what the cache counts. `moments` are taken where there is a place for them.
     pub fn run(
         self,
         sources: &[Arc<dyn BrickSource>],
         inspect: Option<&Inspect>,
         buffer: &mut Vec<u8>,
+        mut moments: Option<&mut Moments>,
     ) -> Arrival {
         match self {
             Job::Read(id) => {
                 let read = guarded(id, "source", || {
                     let source = source_of(sources, id)?;
-                    read_checked(source, id, buffer)
+                    let mut fetched = || {
+                        if let Some(moments) = moments.as_deref_mut() {
+                            moments.decode = Some(Instant::now());
+                        }
+                    };
+                    read_checked_telling(source, id, buffer, &mut fetched)
                 });
                 let read = read.and_then(|()| {
+                    if let Some(moments) = moments.filter(|_| inspect.is_some()) {
+                        moments.inspect = Some(Instant::now());
+                    }
                     let leaf_ranges = inspect
                         .map(|inspect| guarded(id, "inspection", || Ok(inspect(id, buffer))));
                     Ok(Read {

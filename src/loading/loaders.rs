@@ -10,7 +10,7 @@ use crossbeam_channel::{Receiver, Sender, bounded};
 
 use crate::error::{Error, Result};
 use crate::loading::job::{Arrival, Inspect, Job, Sources};
-use crate::loading::{DoneJob, LoadingLimits};
+use crate::loading::{DoneJob, LoadingLimits, Moments};
 
 /// Jobs under way per loader: one at work, one that waits for it, so that no loader waits for the
 /// owner; more would be out of reach of a better rank that comes later.
@@ -27,8 +27,10 @@ pub const PATIENCE: Duration = Duration::from_secs(1);
 pub struct Loaders {
     /// Nothing once they are told to stop.
     jobs: Option<Sender<Job>>,
-    arrivals: Receiver<(Arrival, DoneJob)>,
+    arrivals: Receiver<(Arrival, Option<DoneJob>)>,
     stop: Arc<AtomicBool>,
+    /// Somebody wants to know what is done when.
+    watched: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
     jobs_max: usize,
 }
@@ -47,9 +49,9 @@ impl Loaders {
         let jobs_max = count * JOBS_PER_LOADER;
         let (jobs, wanted) = bounded(jobs_max);
         let (send, arrivals) = bounded(jobs_max);
-        let stop = Arc::new(AtomicBool::new(false));
+        let [stop, watched] = [(); 2].map(|()| Arc::new(AtomicBool::new(false)));
         let mut loaders =
-            Loaders { jobs: Some(jobs), arrivals, stop, threads: Vec::new(), jobs_max };
+            Loaders { jobs: Some(jobs), arrivals, stop, watched, threads: Vec::new(), jobs_max };
         let started = (0..count).try_for_each(|number| {
             let loader = Loader {
                 number,
@@ -58,6 +60,7 @@ impl Loaders {
                 jobs: wanted.clone(),
                 arrivals: send.clone(),
                 stop: Arc::clone(&loaders.stop),
+                watched: Arc::clone(&loaders.watched),
             };
             let named = Builder::new().name(format!("loader {number}"));
             let run = move || {
@@ -85,13 +88,18 @@ impl Loaders {
         self.jobs_max
     }
 
+    /// From the next job on, arrivals come with when things were done.
+    pub fn watch(&self) {
+        self.watched.store(true, Ordering::Relaxed);
+    }
+
     /// Gives a job away without waiting; false when there is no room for it.
     pub fn hand(&self, job: Job) -> bool {
         self.jobs.as_ref().is_some_and(|jobs| jobs.try_send(job).is_ok())
     }
 
     /// The next arrival, if one comes in time. One that is there comes even if the time has passed.
-    pub fn next(&self, until: Option<Instant>) -> Option<(Arrival, DoneJob)> {
+    pub fn next(&self, until: Option<Instant>) -> Option<(Arrival, Option<DoneJob>)> {
         match until {
             Some(until) => self.arrivals.recv_deadline(until).ok(),
             None => self.arrivals.recv().ok(),
@@ -138,22 +146,32 @@ struct Loader {
     sources: Sources,
     inspect: Option<Inspect>,
     jobs: Receiver<Job>,
-    arrivals: Sender<(Arrival, DoneJob)>,
+    arrivals: Sender<(Arrival, Option<DoneJob>)>,
     stop: Arc<AtomicBool>,
+    watched: Arc<AtomicBool>,
 }
 
 impl Loader {
     fn run(self) {
+        #[cfg(feature = "tracy")]
+        if let Some(client) = tracy_client::Client::running() {
+            client.set_thread_name(&format!("loader {}", self.number));
+        }
         let mut buffer = Vec::new();
         for job in &self.jobs {
             // Jobs that were handed over before the stop are not worth a read.
             if self.stop.load(Ordering::Relaxed) {
                 return;
             }
-            let begin = Instant::now();
-            let arrival = job.run(&self.sources, self.inspect.as_ref(), &mut buffer);
-            let (end, work) = (Instant::now(), arrival.work());
-            let done = DoneJob { loader: self.number, begin, end, work };
+            let mut moments = self.watched.load(Ordering::Relaxed).then(Moments::begin);
+            let inspect = self.inspect.as_ref();
+            let arrival = job.run(&self.sources, inspect, &mut buffer, moments.as_mut());
+            let done = moments.map(|moments| DoneJob {
+                loader: self.number,
+                moments,
+                end: Instant::now(),
+                work: arrival.work(),
+            });
             if self.arrivals.send((arrival, done)).is_err() {
                 return;
             }

@@ -32,7 +32,7 @@ mod wishes;
 
 pub use block::{BLOCK_EDGE, Block};
 pub use delivery::{Delivery, Wish};
-pub use done::{DoneJob, DoneWork};
+pub use done::{DoneJob, DoneWork, Moments};
 pub use job::Inspect;
 pub use limits::{LOADERS_MAX, LoadingLimits, PAUSE_MAX};
 pub use loaders::{JOBS_PER_LOADER, PATIENCE};

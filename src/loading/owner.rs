@@ -139,7 +139,9 @@ impl Loading {
             let until = [deadline, due].into_iter().flatten().min();
             match self.loaders.next(until) {
                 Some((arrival, job)) => {
-                    self.done.iter_mut().for_each(|done| done.push(job));
+                    if let (Some(done), Some(job)) = (&mut self.done, job) {
+                        done.push(job);
+                    }
                     let delivery = self.settle(arrival);
                     if delivery.is_some() {
                         self.hand_out();
@@ -190,6 +192,7 @@ impl Loading {
     /// From now on keeps what loaders did and when, until it is taken.
     pub fn keep_jobs(&mut self) {
         self.done.get_or_insert_default();
+        self.loaders.watch();
     }
 
     /// Jobs whose arrivals were taken in since the last call, and how many more there were.

@@ -99,8 +99,11 @@ impl Paged {
         };
         let details = Details::Copy { time_point: point.value, bricks, bytes };
         trace.span(Track::Host, "flush", [begin, Instant::now()], details);
-        let submitted = BrickStep::Submitted(point.value);
-        trace.bricks(staged.iter().map(|brick| (brick.id, submitted)));
+        let submitted = |brick: &StagedBrick| {
+            let (time_point, bytes) = (point.value, brick.bytes);
+            (brick.id, BrickStep::Submitted { time_point, bytes })
+        };
+        trace.bricks(staged.iter().map(submitted));
         trace.announce_copies(point.value, steps);
         trace.count(Counter::BytesUploaded, self.host.counts.uploaded_bytes + bytes);
         self.staging.take_times().iter().for_each(|times| trace.steps(times));
@@ -166,13 +169,11 @@ impl Paged {
         let (jobs, dropped) = self.loading.take_jobs();
         for job in jobs {
             let track = Track::Loader(job.loader as u32);
-            let (name, details) = match job.work {
-                DoneWork::Read { id, bytes } => ("read", Details::Brick(id, bytes)),
-                DoneWork::Survey { block, bricks } => {
-                    ("survey", Details::Block(block.first(), bricks))
-                }
+            let details = match job.work {
+                DoneWork::Read { id, bytes } => Details::Brick(id, bytes),
+                DoneWork::Survey { block, bricks } => Details::Block(block.first(), bricks),
             };
-            trace.span(track, name, [job.begin, job.end], details);
+            job.parts().for_each(|(name, times)| trace.span(track, name, times, details));
         }
         trace.count_dropped(dropped);
         trace.count(Counter::RamCacheBytes, self.loading.statistics().cache_bytes);

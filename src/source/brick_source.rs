@@ -57,6 +57,20 @@ pub trait BrickSource: Send + Sync {
     /// When there is no such brick, or it cannot be read whole and undamaged.
     fn read(&self, id: BrickId, bytes: &mut Vec<u8>) -> Result<()>;
 
+    /// The same, and `fetched` is called once when what is stored of the brick is in memory and only decoding is
+    /// left. A source without such a moment never calls it.
+    ///
+    /// # Errors
+    /// As [`BrickSource::read`].
+    fn read_telling(
+        &self,
+        id: BrickId,
+        bytes: &mut Vec<u8>,
+        _fetched: &mut dyn FnMut(),
+    ) -> Result<()> {
+        self.read(id, bytes)
+    }
+
     /// The same as typed voxels, with their number along each axis.
     ///
     /// # Errors
@@ -81,9 +95,22 @@ pub(crate) fn no_such_brick(description: &Description, id: BrickId) -> Error {
 /// # Errors
 /// As [`BrickSource::read`], and those.
 pub fn read_checked(source: &dyn BrickSource, id: BrickId, bytes: &mut Vec<u8>) -> Result<()> {
+    read_checked_telling(source, id, bytes, &mut || {})
+}
+
+/// As [`read_checked`]; `fetched` is called as [`BrickSource::read_telling`] calls it.
+///
+/// # Errors
+/// As [`read_checked`].
+pub fn read_checked_telling(
+    source: &dyn BrickSource,
+    id: BrickId,
+    bytes: &mut Vec<u8>,
+    fetched: &mut dyn FnMut(),
+) -> Result<()> {
     let description = source.description();
     let entry = source.entry(id)?;
-    source.read(id, bytes)?;
+    source.read_telling(id, bytes, fetched)?;
     let name = &description.name;
     let wanted = description.brick_bytes(id);
     if bytes.len() != wanted {

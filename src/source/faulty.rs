@@ -49,9 +49,18 @@ impl<S: BrickSource, F: Fault> BrickSource for Faulty<S, F> {
     }
 
     fn read(&self, id: BrickId, bytes: &mut Vec<u8>) -> Result<()> {
+        self.read_telling(id, bytes, &mut || {})
+    }
+
+    fn read_telling(
+        &self,
+        id: BrickId,
+        bytes: &mut Vec<u8>,
+        fetched: &mut dyn FnMut(),
+    ) -> Result<()> {
         let read = self.reads.fetch_add(1, Ordering::SeqCst);
         self.fault.before(read, id)?;
-        self.source.read(id, bytes)?;
+        self.source.read_telling(id, bytes, fetched)?;
         self.fault.after(read, bytes);
         Ok(())
     }

@@ -10,7 +10,7 @@ mod formula;
 mod mandelbulb;
 
 pub(crate) use brick_source::no_such_brick;
-pub use brick_source::{BrickEntry, BrickSource, read_checked};
+pub use brick_source::{BrickEntry, BrickSource, read_checked, read_checked_telling};
 pub use computed::{Computed, KINDS, computed};
 pub use description::{ChannelDescription, Description};
 pub use field_source::{Field, FieldSource};

@@ -194,15 +194,23 @@ impl Store {
         self.entry_of_page(&page, number)
     }
 
-    /// Reads and decodes a brick whose entry is known.
-    pub(crate) fn read_entry(&self, id: BrickId, entry: Entry, out: &mut Vec<u8>) -> Result<()> {
+    /// Reads and decodes a brick whose entry is known; `fetched` is called in between. Bricks that are not in the
+    /// file have no such moment.
+    pub(crate) fn read_entry(
+        &self,
+        id: BrickId,
+        entry: Entry,
+        out: &mut Vec<u8>,
+        fetched: &mut dyn FnMut(),
+    ) -> Result<()> {
         let wanted = self.description.brick_bytes(id);
         let format = self.description.channels[usize::from(id.channel)].format;
-        let read = |len: usize, out: &mut Vec<u8>| {
+        let mut read = |len: usize, out: &mut Vec<u8>| {
             out.resize(len, 0);
             self.file
                 .read_exact_at(out, entry.place)
                 .map_err(|why| self.damaged(id, &format!("cannot be read ({why})")))?;
+            fetched();
             if checksum(out) == entry.checksum {
                 Ok(())
             } else {
@@ -254,7 +262,16 @@ impl BrickSource for Store {
     }
 
     fn read(&self, id: BrickId, bytes: &mut Vec<u8>) -> Result<()> {
+        self.read_telling(id, bytes, &mut || {})
+    }
+
+    fn read_telling(
+        &self,
+        id: BrickId,
+        bytes: &mut Vec<u8>,
+        fetched: &mut dyn FnMut(),
+    ) -> Result<()> {
         let entry = self.index_entry(id)?;
-        self.read_entry(id, entry, bytes)
+        self.read_entry(id, entry, bytes, fetched)
     }
 }

@@ -104,7 +104,7 @@ fn verify_page(store: &Store, page_number: u64) -> Report {
     for number in first..first + bricks {
         let id = store.numbering().brick(number);
         let result = store.entry_of_page(&page, number).and_then(|entry| {
-            store.read_entry(id, entry, &mut bytes)?;
+            store.read_entry(id, entry, &mut bytes, &mut || {})?;
             Ok(entry)
         });
         match result {

@@ -29,5 +29,6 @@ pub mod stability;
 pub mod study_chart;
 pub mod study_table;
 pub mod sweep;
+pub mod trace_price;
 pub mod truth_file;
 pub mod upload_price;

@@ -62,7 +62,10 @@ fn entry<'a>(ph: &'a str, name: &'a str, ts: f64) -> Entry<'a> {
 fn args_of_step(id: BrickId, step: BrickStep) -> Value {
     let mut args = json!({ "brick": brick(id) });
     match step {
-        BrickStep::Submitted(time_point) => args["time_point"] = time_point.into(),
+        BrickStep::Submitted { time_point, bytes } => {
+            args["time_point"] = time_point.into();
+            args["bytes"] = bytes.into();
+        }
         BrickStep::Published(round) | BrickStep::Sampled(round) | BrickStep::Evicted(round) => {
             args["round"] = round.into();
         }
@@ -103,7 +106,8 @@ impl Trace {
             write(&naming("process_name", pid, 0, name))?;
         }
         let queues = ROLES.iter().map(|role| Track::Queue(*role));
-        let known: BTreeSet<Track> = tracks.keys().copied().chain(queues).collect();
+        let loaders = (0..filled.loaders).map(Track::Loader);
+        let known: BTreeSet<Track> = tracks.keys().copied().chain(loaders).chain(queues).collect();
         for track in known {
             let (pid, tid) = track.place();
             write(&naming("thread_name", pid, tid, &self.track_name(track)))?;
@@ -138,7 +142,7 @@ impl Trace {
         let flows = flows(filled.events.iter(), &tracks);
         for (number, flow) in flows.iter().enumerate().filter(|(_, flow)| flow.places.len() > 1) {
             let last = flow.places.len() - 1;
-            for (index, (track, at_ns)) in flow.places.iter().enumerate() {
+            for (index, (track, step, at_ns)) in flow.places.iter().enumerate() {
                 let ph = if index == 0 {
                     "s"
                 } else if index == last {
@@ -147,13 +151,17 @@ impl Trace {
                     "t"
                 };
                 let (pid, tid) = track.place();
+                let mut args = json!({ "finished": flow.finished, "step": step });
+                if index == 0 {
+                    args["brick"] = brick(flow.brick);
+                }
                 write(&Entry {
                     pid,
                     tid,
                     cat: Some("brick"),
                     id: Some(number as u64),
                     bp: (index == last).then_some("e"),
-                    args: json!({ "finished": flow.finished }),
+                    args,
                     ..entry(ph, "brick", microseconds(*at_ns))
                 })?;
             }

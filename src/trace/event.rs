@@ -129,8 +129,13 @@ pub enum BrickStep {
     Wanted,
     /// Its texels are in the staging half.
     Staged,
-    /// The copy into its slot was submitted: value on the transfer role's timeline.
-    Submitted(u64),
+    /// The copy into its slot was submitted.
+    Submitted {
+        /// Value on the transfer role's timeline.
+        time_point: u64,
+        /// Its texels.
+        bytes: u64,
+    },
     /// Rays find it from this round of the cache on.
     Published(u32),
     /// A ray went through it for the first time, in this round.
@@ -145,7 +150,7 @@ impl BrickStep {
         match self {
             BrickStep::Wanted => "wanted",
             BrickStep::Staged => "staged",
-            BrickStep::Submitted(_) => "submitted",
+            BrickStep::Submitted { .. } => "submitted",
             BrickStep::Published(_) => "published",
             BrickStep::Sampled(_) => "sampled",
             BrickStep::Evicted(_) => "evicted",

@@ -19,10 +19,15 @@ mod clip;
 mod clock;
 mod event;
 mod flows;
+mod reading;
 mod recording;
 pub mod summary;
+pub mod timeline;
+mod timeline_svg;
+#[cfg(feature = "tracy")]
+mod tracy;
 
 pub use clip::{Clipped, follow_each_other, nest};
 pub use clock::{ClockReport, QueueClock};
 pub use event::{BrickStep, Counter, Details, Span, Track};
-pub use recording::{Guard, Trace, TraceOptions};
+pub use recording::{Guard, Trace, TraceOptions, TraceSize};

@@ -7,6 +7,8 @@ use std::time::Instant;
 use crate::gpu::{Gpu, RoleKind, SubmitTimes};
 use crate::trace::clock::signed_ns;
 use crate::trace::event::{BrickStep, Counter, Details, Event, Span, Track};
+#[cfg(feature = "tracy")]
+use crate::trace::tracy;
 use crate::trace::{ClockReport, QueueClock};
 use crate::volume::BrickId;
 
@@ -49,15 +51,31 @@ pub struct Trace {
     filled: Mutex<Filled>,
 }
 
+/// How much a trace recorded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TraceSize {
+    /// Events, those that did not fit included.
+    pub events: u64,
+    /// How often it was told something, also where nothing had changed: a place in the code tells it at least once
+    /// where there is a trace, but for those that find nothing to tell, which are fewer than what one report tells.
+    pub told: u64,
+    /// Memory of one event.
+    pub event_bytes: u64,
+}
+
 #[derive(Default)]
 pub(super) struct Filled {
     pub events: VecDeque<Event>,
     /// Events that did not fit.
     pub dropped: u64,
+    /// How often somebody looked in, to tell something or to read.
+    pub told: u64,
     pub rounds: u64,
     pub clocks: [QueueClock; ROLES.len()],
     /// Last value of each counter.
     pub counted: [Option<u64>; Counter::ALL.len()],
+    /// Loader threads, whether or not they did anything.
+    pub loaders: u32,
     /// Reads that had not come back when that was last told.
     pub reads_under_way: u64,
     /// Bricks that were asked for and are not there.
@@ -73,10 +91,16 @@ pub struct Guard {
     name: &'static str,
     begin: Instant,
     details: Details,
+    #[cfg(feature = "tracy")]
+    _zone: Option<tracy::Zone>,
 }
 
 impl Drop for Guard {
     fn drop(&mut self) {
+        #[cfg(feature = "tracy")]
+        if let Details::Round(_) = self.details {
+            tracy::frame_end();
+        }
         self.trace.span(Track::Host, self.name, [self.begin, Instant::now()], self.details);
     }
 }
@@ -84,13 +108,22 @@ impl Drop for Guard {
 impl Trace {
     /// An empty one that begins now.
     pub fn new(gpu: &Arc<Gpu>, options: TraceOptions) -> Arc<Trace> {
+        #[cfg(feature = "tracy")]
+        tracy::start();
         let (gpu, start) = (gpu.clone(), Instant::now());
         Arc::new(Trace { gpu, options, start, filled: Mutex::default() })
     }
 
     /// Begins a span of the host, which ends when the guard is dropped.
     pub fn begin(self: &Arc<Trace>, name: &'static str, details: Details) -> Guard {
-        Guard { trace: self.clone(), name, begin: Instant::now(), details }
+        Guard {
+            trace: self.clone(),
+            name,
+            begin: Instant::now(),
+            details,
+            #[cfg(feature = "tracy")]
+            _zone: tracy::zone(name),
+        }
     }
 
     /// Begins a round, which ends when the guard is dropped.
@@ -115,6 +148,8 @@ impl Trace {
         if filled.counted[counter as usize].replace(value) != Some(value) {
             let at_ns = self.now_ns();
             self.push(&mut filled, Event::Count { counter, at_ns, value });
+            #[cfg(feature = "tracy")]
+            tracy::plot(counter, value);
         }
     }
 
@@ -192,6 +227,12 @@ impl Trace {
         self.filled().dropped += events;
     }
 
+    /// Says how many loader threads there are.
+    pub fn loaders(&self, loaders: usize) {
+        let known = &mut self.filled().loaders;
+        *known = (*known).max(u32::try_from(loaders).unwrap_or(u32::MAX));
+    }
+
     /// Says how many reads have not come back.
     pub fn reads_under_way(&self, reads: u64) {
         self.filled().reads_under_way = reads;
@@ -200,6 +241,17 @@ impl Trace {
     /// How device times came on the host's clock; nothing where no step of the role was measured.
     pub fn clock(&self, role: RoleKind) -> Option<ClockReport> {
         self.filled().clocks[queue_index(role)].report()
+    }
+
+    /// What was recorded so far.
+    pub fn size(&self) -> TraceSize {
+        let filled = self.filled();
+        let events = filled.events.len() as u64;
+        TraceSize {
+            events: events + filled.dropped,
+            told: filled.told,
+            event_bytes: size_of::<Event>() as u64,
+        }
     }
 
     /// Spans that ended within `window_ns` before the latest end, if they are kept.
@@ -224,7 +276,9 @@ impl Trace {
     }
 
     pub(super) fn filled(&self) -> MutexGuard<'_, Filled> {
-        self.filled.lock().unwrap_or_else(PoisonError::into_inner)
+        let mut filled = self.filled.lock().unwrap_or_else(PoisonError::into_inner);
+        filled.told += 1;
+        filled
     }
 
     fn push(&self, filled: &mut Filled, event: Event) {

@@ -6,14 +6,19 @@
 //! - *Overlap*: the part of the transfer queue's busy time in which the render queue was busy, too. 1 is the goal: then
 //!   rendering hid all of it.
 //! - *Stalls*: the host waits for the device ("wait"), for something to come from the loaders ("load"), for a staging
-//!   half that a copy still reads ("wait for half"); a loader is idle while none of its reads runs.
-//! - *Wasted*: bricks published that no ray went through before they went, or the trace ended.
+//!   half that a copy still reads ("wait for half"); a loader is idle while it neither reads, decodes, inspects nor
+//!   surveys: between two jobs, before the first one (from the trace's first span on), and after the last one.
+//!   Rendering waits for loaders while its queue is idle, between two of its steps, and a loader is not.
+//! - *Wasted*: bricks published that no ray went through before they went, or the trace ended. Their bytes are what
+//!   was copied for each of them.
 //! - *Reload factor*: bricks published over distinct bricks published.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 
 use serde::Serialize;
 use serde_json::Value;
+
+use crate::trace::reading::{Recorded, SAME_US, Slice, Step, Track};
 
 /// See the module. Times are milliseconds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -48,8 +53,10 @@ pub struct Summary {
     pub bricks_wasted: u64,
     /// Texel bytes copied.
     pub bytes_copied: u64,
-    /// Of them, those of bricks that no ray went through, taken as a mean brick's.
+    /// Of them, those of bricks that no ray went through.
     pub bytes_wasted: u64,
+    /// Wasted bricks whose bytes the trace does not tell: taken as a mean brick's.
+    pub bytes_wasted_guessed: u64,
     /// Bytes copied by a round, on average.
     pub bytes_per_round: f64,
     /// The bricks that took longest from being wanted to being published.
@@ -115,38 +122,21 @@ const STALLS: [(&str, &str); 3] = [
     ("wait for half", "transfer for a staging half"),
 ];
 
-/// Spans, instants and names of a trace's file.
-#[derive(Default)]
-struct Read<'a> {
-    /// `[track]` its spans: name, times.
-    tracks: BTreeMap<String, Vec<(&'a str, [f64; 2])>>,
-    /// Name of a brick's step, the brick, when.
-    steps: Vec<(&'a str, &'a Value, f64)>,
-    bytes_copied: u64,
-}
-
 impl Summary {
     /// Of a trace's file as JSON.
     ///
     /// # Errors
     /// What keeps it from being one of ours, as the end of a sentence.
     pub fn of(file: &Value) -> Result<Summary, String> {
-        let events = file["traceEvents"].as_array().ok_or("has no traceEvents")?;
-        let read = Read::of(events)?;
-        let spans = || read.tracks.values().flatten().map(|(_, times)| *times);
-        let begin = spans().map(|[begin, _]| begin).fold(f64::INFINITY, f64::min);
-        let end = spans().map(|[_, end]| end).fold(f64::NEG_INFINITY, f64::max);
-        if begin > end {
-            return Err("has no spans".to_owned());
-        }
-        let wall_ms = (end - begin) * 1e-3;
-        let queue = |name: &str| read.tracks.iter().find(|(track, _)| track.starts_with(name));
+        let read = Recorded::of(file)?;
+        let [begin_us, end_us] = read.wall_us();
+        let wall_ms = (end_us - begin_us) * 1e-3;
         let busy = |name: &str| -> Option<(Busy, Vec<[f64; 2]>)> {
-            let (track, spans) = queue(name)?;
-            let joined = joined(spans.iter().map(|(_, times)| *times).collect());
+            let track = read.tracks.values().find(|track| track.name.starts_with(name))?;
+            let joined = busy_us(&track.slices);
             let ms = length(&joined) * 1e-3;
-            let steps = spans.len() as u64;
-            Some((Busy { queue: track.clone(), ms, part: ms / wall_ms.max(1e-9), steps }, joined))
+            let (queue, steps) = (track.name.to_owned(), track.slices.len() as u64);
+            Some((Busy { queue, ms, part: ms / wall_ms.max(1e-9), steps }, joined))
         };
         let (render, transfer) = (busy("render queue"), busy("transfer queue"));
         let overlap = match (&render, &transfer) {
@@ -159,12 +149,11 @@ impl Summary {
             roles_share_queue: file["otherData"]["roles_share_queue"] == true,
             queues: [render, transfer].into_iter().flatten().map(|(busy, _)| busy).collect(),
             overlap,
-            stalls: read.stalls(),
+            stalls: stalls(&read),
             bytes_copied: read.bytes_copied,
             ..Summary::default()
         };
-        let rounds: Vec<f64> =
-            read.host("round").map(|[begin, end]| (end - begin) * 1e-3).collect();
+        let rounds = host_ms(&read, "round");
         summary.rounds = rounds.len() as u64;
         summary.round_ms = Percentiles::of(rounds);
         summary.bytes_per_round = summary.bytes_copied as f64 / summary.rounds.max(1) as f64;
@@ -172,115 +161,150 @@ impl Summary {
         Ok(summary)
     }
 
-    fn follow_bricks(&mut self, steps: &[(&str, &Value, f64)]) {
-        // By the text of the brick: when it was wanted, whether it is there and was sampled.
+    fn follow_bricks(&mut self, steps: &[Step]) {
+        // By the text of the brick: when it was wanted, the bytes copied for it, whether it is there and was sampled.
         let mut wanted: HashMap<String, f64> = HashMap::new();
-        let mut there: HashMap<String, bool> = HashMap::new();
+        let mut copied: HashMap<String, u64> = HashMap::new();
+        let mut there: HashMap<String, Resident> = HashMap::new();
         let mut distinct = HashSet::new();
         let (mut to_published, mut to_sampled) = (Vec::new(), Vec::new());
-        for (name, brick, at) in steps {
+        for Step { name, brick, at_us, bytes } in steps {
             let key = brick.to_string();
+            let ms_since = |since: &f64| (at_us - since) * 1e-3;
             match *name {
-                "wanted" => _ = wanted.insert(key, *at),
+                "wanted" => _ = wanted.insert(key, *at_us),
+                "submitted" => _ = bytes.map(|bytes| copied.insert(key, bytes)),
                 "published" => {
                     self.bricks_published += 1;
                     distinct.insert(key.clone());
-                    if let Some(since) = wanted.get(&key) {
-                        let ms = (at - since) * 1e-3;
+                    if let Some(ms) = wanted.get(&key).map(ms_since) {
                         to_published.push(ms);
                         self.slowest.push(SlowBrick { brick: (*brick).clone(), ms });
                     }
+                    let now = Resident { bytes: copied.remove(&key), sampled: false };
                     // Its place was never given to another: it came again for another reason.
-                    if there.insert(key, false) == Some(false) {
-                        self.bricks_wasted += 1;
+                    self.count_waste(there.insert(key, now));
+                }
+                "sampled" => {
+                    if let Some(known) = there.get_mut(&key).filter(|known| !known.sampled) {
+                        to_sampled.extend(wanted.get(&key).map(ms_since));
+                        known.sampled = true;
                     }
                 }
-                "sampled" if there.get(&key) == Some(&false) => {
-                    to_sampled.extend(wanted.get(&key).map(|since| (at - since) * 1e-3));
-                    there.insert(key, true);
-                }
-                "evicted" => self.bricks_wasted += u64::from(there.remove(&key) == Some(false)),
+                "evicted" => self.count_waste(there.remove(&key)),
                 _ => {}
             }
         }
-        self.bricks_wasted += there.values().filter(|sampled| !**sampled).count() as u64;
+        there.into_values().for_each(|left| self.count_waste(Some(left)));
         self.bricks_distinct = distinct.len() as u64;
         self.reload_factor = self.bricks_published as f64 / self.bricks_distinct.max(1) as f64;
         let mean = self.bytes_copied as f64 / self.bricks_published.max(1) as f64;
-        self.bytes_wasted = (mean * self.bricks_wasted as f64).round() as u64;
+        let guessed = (mean * self.bytes_wasted_guessed as f64).round() as u64;
+        self.bytes_wasted = self.bytes_wasted.saturating_add(guessed);
         self.wanted_to_published_ms = Percentiles::of(to_published);
         self.wanted_to_sampled_ms = Percentiles::of(to_sampled);
         self.slowest.sort_by(|a, b| b.ms.total_cmp(&a.ms));
         self.slowest.truncate(SLOWEST);
     }
+
+    /// A brick went, or the trace ended.
+    fn count_waste(&mut self, gone: Option<Resident>) {
+        let Some(Resident { bytes, sampled: false }) = gone else { return };
+        self.bricks_wasted += 1;
+        match bytes {
+            Some(bytes) => self.bytes_wasted = self.bytes_wasted.saturating_add(bytes),
+            None => self.bytes_wasted_guessed += 1,
+        }
+    }
 }
 
-impl<'a> Read<'a> {
-    fn of(events: &'a [Value]) -> Result<Read<'a>, String> {
-        let place = |event: &Value| (event["pid"].as_u64(), event["tid"].as_u64());
-        let named = events.iter().filter(|event| event["name"] == "thread_name");
-        let names: HashMap<_, _> = named
-            .map(|event| (place(event), event["args"]["name"].as_str().unwrap_or("?")))
-            .collect();
-        let mut read = Read::default();
-        // A queue without a step is there all the same, if it can be timed.
-        for name in names.values().filter(|name| name.ends_with(" queue")) {
-            read.tracks.entry((*name).to_owned()).or_default();
-        }
-        for (number, event) in events.iter().enumerate() {
-            let at = || event["ts"].as_f64().ok_or(format!("has no time in event {number}"));
-            let name = event["name"].as_str().unwrap_or("?");
-            match event["ph"].as_str() {
-                Some("X") => {
-                    let begin = at()?;
-                    let track = names.get(&place(event)).copied().unwrap_or("?");
-                    let end = begin + event["dur"].as_f64().unwrap_or(0.0).max(0.0);
-                    read.tracks.entry(track.to_owned()).or_default().push((name, [begin, end]));
-                    if track.starts_with("transfer queue") {
-                        read.bytes_copied += event["args"]["bytes"].as_u64().unwrap_or(0);
-                    }
-                }
-                Some("i") => read.steps.push((name, &event["args"]["brick"], at()?)),
-                _ => {}
-            }
-        }
-        read.steps.sort_by(|a, b| a.2.total_cmp(&b.2));
-        Ok(read)
-    }
+/// A brick in its slot.
+struct Resident {
+    /// Copied for it, where the trace tells.
+    bytes: Option<u64>,
+    /// A ray went through it.
+    sampled: bool,
+}
 
-    /// Spans of this name of the thread that runs the loop.
-    fn host(&self, name: &'a str) -> impl Iterator<Item = [f64; 2]> {
-        let of_host = self.tracks.get("rounds").into_iter().flatten();
-        of_host.filter(move |(known, _)| *known == name).map(|(_, times)| *times)
-    }
+/// How long spans of this name of the thread that runs the loop took.
+fn host_ms(read: &Recorded, name: &str) -> Vec<f64> {
+    let rounds = read.tracks.values().filter(|track| track.name == "rounds");
+    let named = rounds.flat_map(|track| &track.slices).filter(|slice| slice.name == name);
+    named.map(|slice| (slice.end_us - slice.begin_us) * 1e-3).collect()
+}
 
-    fn stalls(&self) -> Vec<Stall> {
-        let mut stalls = Vec::new();
-        let mut add = |cause: &str, waits: Vec<f64>| {
-            if !waits.is_empty() {
-                stalls.push(Stall {
-                    cause: cause.to_owned(),
-                    ms: waits.iter().sum(),
-                    count: waits.len() as u64,
-                    worst_ms: waits.iter().copied().fold(0.0, f64::max),
-                });
-            }
-        };
-        for (name, cause) in STALLS {
-            add(cause, self.host(name).map(|[begin, end]| (end - begin) * 1e-3).collect());
+fn stalls(read: &Recorded) -> Vec<Stall> {
+    let mut stalls = Vec::new();
+    let mut add = |cause: &str, waits: Vec<f64>| {
+        if !waits.is_empty() {
+            stalls.push(Stall {
+                cause: cause.to_owned(),
+                ms: waits.iter().sum(),
+                count: waits.len() as u64,
+                worst_ms: waits.iter().copied().fold(0.0, f64::max),
+            });
         }
-        // Between two reads of one loader.
-        let loaders = self.tracks.iter().filter(|(track, _)| track.starts_with("loader"));
-        let idle = loaders.flat_map(|(_, spans)| {
-            let joined = joined(spans.iter().map(|(_, times)| *times).collect());
-            let gaps: Vec<f64> =
-                joined.windows(2).map(|pair| (pair[1][0] - pair[0][1]) * 1e-3).collect();
-            gaps
-        });
-        add("loaders for wishes", idle.collect());
-        stalls.sort_by(|a, b| b.ms.total_cmp(&a.ms));
-        stalls
+    };
+    for (name, cause) in STALLS {
+        add(cause, host_ms(read, name));
     }
+    add("rendering for loaders", starved_ms(read));
+    let [mut before, mut between, mut after] = [const { Vec::new() }; 3];
+    for loader in read.tracks.values().filter(|track| track.name.starts_with("loader")) {
+        let idle = Idle::of(loader, read.wall_us());
+        before.extend(idle.before_ms);
+        between.extend(idle.between_ms);
+        after.extend(idle.after_ms);
+    }
+    add("loaders for their first wish", before);
+    add("loaders for wishes", between);
+    add("loaders after their last wish", after);
+    stalls.sort_by(|a, b| b.ms.total_cmp(&a.ms));
+    stalls
+}
+
+/// Of each time that the render queue was idle between two steps, how long a loader worked.
+fn starved_ms(read: &Recorded) -> Vec<f64> {
+    let named = |name| read.tracks.values().filter(move |track| track.name.starts_with(name));
+    let rays = named("render queue").next().map(|track| busy_us(&track.slices));
+    let loaders = named("loader").flat_map(|track| &track.slices).copied();
+    let loads = busy_us(&loaders.collect::<Vec<Slice>>());
+    let mut next = 0;
+    let mut starved = |[idle, end]: [f64; 2]| {
+        // Both are sorted: what ended before this time is of no later one.
+        next += loads[next..].iter().take_while(|load| load[1] <= idle).count();
+        let within = loads[next..].iter().take_while(|load| load[0] < end);
+        within.map(|load| load[1].min(end) - load[0].max(idle)).fold(0.0, |sum, us| sum + us)
+    };
+    let rays = rays.unwrap_or_default();
+    let idle = rays.windows(2).map(|pair| starved([pair[0][1], pair[1][0]]));
+    idle.filter(|us| *us > SAME_US).map(|us| us * 1e-3).collect()
+}
+
+/// When a loader had nothing to do.
+struct Idle {
+    before_ms: Option<f64>,
+    between_ms: Vec<f64>,
+    after_ms: Option<f64>,
+}
+
+impl Idle {
+    fn of(loader: &Track, [begin_us, end_us]: [f64; 2]) -> Idle {
+        let busy = busy_us(&loader.slices);
+        let gap = |from: f64, to: f64| (to - from > SAME_US).then_some((to - from) * 1e-3);
+        // One that never had a wish waited for its first all along.
+        let first = busy.first().map_or(end_us, |[begin, _]| *begin);
+        Idle {
+            before_ms: gap(begin_us, first),
+            between_ms: busy.windows(2).filter_map(|pair| gap(pair[0][1], pair[1][0])).collect(),
+            after_ms: busy.last().and_then(|[_, end]| gap(*end, end_us)),
+        }
+    }
+}
+
+/// When at least one of these spans ran.
+pub(super) fn busy_us(slices: &[Slice]) -> Vec<[f64; 2]> {
+    joined(slices.iter().map(|slice| [slice.begin_us, slice.end_us]).collect())
 }
 
 impl Percentiles {

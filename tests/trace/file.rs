@@ -19,8 +19,12 @@ pub struct Read {
     pub counters: BTreeMap<String, Vec<u64>>,
     /// What happens to bricks: what, to which, when.
     pub steps: Vec<(String, String, i64)>,
+    /// And what else is said of it.
+    pub step_args: Vec<Value>,
     /// By number: kind of event, track, when.
     pub flows: BTreeMap<u64, Vec<(String, String, i64)>>,
+    /// By number: what happened at each place.
+    pub flow_steps: BTreeMap<u64, Vec<String>>,
     pub flows_finished: BTreeSet<u64>,
     pub about: Value,
 }
@@ -47,7 +51,9 @@ pub fn parse(bytes: &[u8]) -> Read {
         tracks: names.values().map(|name| (name.clone(), Vec::new())).collect(),
         counters: BTreeMap::new(),
         steps: Vec::new(),
+        step_args: Vec::new(),
         flows: BTreeMap::new(),
+        flow_steps: BTreeMap::new(),
         flows_finished: BTreeSet::new(),
         about: file["otherData"].clone(),
     };
@@ -74,6 +80,7 @@ pub fn parse(bytes: &[u8]) -> Read {
             Some("i") => {
                 let (brick, at_ns) = (event["args"]["brick"].to_string(), ns(event, "ts"));
                 read.steps.push((name, brick, at_ns));
+                read.step_args.push(event["args"].clone());
             }
             Some(part @ ("s" | "t" | "f")) => {
                 let flow = read.flows.entry(of(event, "id")).or_default();
@@ -83,6 +90,9 @@ pub fn parse(bytes: &[u8]) -> Read {
                 assert!(flow.last().is_none_or(|(last, _, _)| last != "f"), "{event}");
                 assert!(flow.last().is_none_or(|(_, _, at)| *at <= ns(event, "ts")), "{event}");
                 flow.push((part.to_owned(), place, ns(event, "ts")));
+                assert_eq!(event["args"]["brick"].is_object(), part == "s", "{event}");
+                let step = event["args"]["step"].as_str().expect("what happened").to_owned();
+                read.flow_steps.entry(of(event, "id")).or_default().push(step);
                 if event["args"]["finished"] == true {
                     read.flows_finished.insert(of(event, "id"));
                 }
@@ -94,7 +104,7 @@ pub fn parse(bytes: &[u8]) -> Read {
 }
 
 impl Read {
-    /// Spans of one track are nested or in sequence; those of queues in sequence.
+    /// Spans of the loop's track are nested or in sequence; those of loaders and queues in sequence.
     pub fn check_tracks(&self) {
         for (track, spans) in &self.tracks {
             let mut open: Vec<&Span> = Vec::new();
@@ -107,7 +117,7 @@ impl Read {
                     outer.is_none_or(|outer| {
                         outer.begin_ns <= span.begin_ns
                             && span.end_ns <= outer.end_ns
-                            && !track.contains("queue")
+                            && track == "rounds"
                     }),
                     "{track}: {} at {} ns overlaps {}",
                     span.name,
@@ -133,6 +143,12 @@ impl Read {
     /// How many bricks came so far.
     pub fn count_of(&self, step: &str) -> u64 {
         self.steps.iter().filter(|(name, _, _)| name == step).count() as u64
+    }
+
+    /// What is said of bricks that came so far.
+    pub fn args_of(&self, step: &str) -> impl Iterator<Item = &Value> {
+        let args = self.steps.iter().zip(&self.step_args);
+        args.filter(move |((name, _, _), _)| name == step).map(|(_, args)| args)
     }
 
     pub fn last(&self, counter: &str) -> u64 {

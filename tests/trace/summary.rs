@@ -89,16 +89,19 @@ fn known_overlap_stalls_and_waste_are_found() {
     assert_eq!(
         stalls,
         [
+            ("loaders after their last wish", 80.0, 1),
             ("host for the device", 30.0, 1),
             ("rendering for bricks", 10.0, 1),
             ("transfer for a staging half", 5.0, 1),
+            ("loaders for their first wish", 5.0, 1),
             ("loaders for wishes", 2.0, 1),
         ]
     );
     assert_eq!((summary.bricks_published, summary.bricks_distinct), (4, 3));
     near(summary.reload_factor, 4.0 / 3.0);
     assert_eq!(summary.bricks_wasted, 1, "the second was never sampled");
-    assert_eq!((summary.bytes_copied, summary.bytes_wasted), (4000, 1000));
+    assert_eq!((summary.bytes_copied, summary.bytes_wasted), (4000, 1000), "a mean brick's");
+    assert_eq!(summary.bytes_wasted_guessed, 1);
     near(summary.bytes_per_round, 2000.0);
     // 40, 40, 20, 30 from wanted to published; 59, 36 and 37 to sampled.
     near(summary.wanted_to_published_ms.median, 40.0);
@@ -108,6 +111,95 @@ fn known_overlap_stalls_and_waste_are_found() {
     near(summary.wanted_to_sampled_ms.median, 37.0);
     assert_eq!(summary.slowest.len(), 4);
     near(summary.slowest[3].ms, 20.0);
+}
+
+fn submitted(brick: u64, ms: f64, bytes: u64) -> Value {
+    let mut step = step("submitted", brick, ms);
+    step["args"]["bytes"] = bytes.into();
+    step
+}
+
+/// Each wasted brick counts with what was copied for it, the last time that it came.
+#[test]
+fn wasted_bytes_are_those_of_the_wasted_bricks() {
+    let summary = Summary::of(&file(&[
+        span(LOOP, "round", [0.0, 100.0], 0),
+        span(TRANSFER, "copy", [10.0, 20.0], 1000),
+        submitted(1, 5.0, 700),
+        submitted(2, 5.0, 250),
+        submitted(3, 5.0, 50),
+        step("published", 1, 21.0),
+        step("published", 2, 21.0),
+        step("published", 3, 21.0),
+        step("sampled", 1, 30.0),
+        step("evicted", 2, 40.0),
+        // Smaller when it came again; then the trace ends.
+        submitted(2, 50.0, 30),
+        step("published", 2, 51.0),
+    ]))
+    .expect("a trace");
+    assert_eq!((summary.bricks_published, summary.bricks_wasted), (4, 3));
+    assert_eq!((summary.bytes_wasted, summary.bytes_wasted_guessed), (250 + 50 + 30, 0));
+}
+
+/// Who waited for whom, one made-up trace for each cause, and how long.
+#[test]
+fn each_cause_of_a_stall_is_told_by_its_name() {
+    let round = || span(LOOP, "round", [0.0, 100.0], 0);
+    let busy = || span(LOADER, "read", [0.0, 100.0], 0);
+    let cases = [
+        ("host for the device", vec![span(LOOP, "wait", [10.0, 50.0], 0), busy()], [40.0, 1.0]),
+        ("rendering for bricks", vec![span(LOOP, "load", [10.0, 50.0], 0), busy()], [40.0, 1.0]),
+        (
+            "transfer for a staging half",
+            vec![
+                span(LOOP, "wait for half", [10.0, 20.0], 0),
+                span(LOOP, "wait for half", [30.0, 60.0], 0),
+                busy(),
+            ],
+            [40.0, 2.0],
+        ),
+        // Two loaders at once count once; what comes before the first step and after the last one is not between.
+        (
+            "rendering for loaders",
+            vec![
+                busy(),
+                span((1, 3), "read", [0.0, 100.0], 0),
+                span(RENDER, "march_bricks", [10.0, 30.0], 0),
+                span(RENDER, "march_bricks", [70.0, 90.0], 0),
+            ],
+            [40.0, 1.0],
+        ),
+        // What a loader does part by part is no pause, nor is the rounding of its times.
+        (
+            "loaders for wishes",
+            vec![
+                span(LOADER, "read", [0.0, 10.1], 0),
+                span(LOADER, "decode", [10.1, 20.2], 0),
+                span(LOADER, "inspect", [20.2, 30.3], 0),
+                span(LOADER, "survey", [70.3, 80.0], 0),
+                span(LOADER, "read", [80.0, 100.0], 0),
+            ],
+            [40.0, 1.0],
+        ),
+        ("loaders for their first wish", vec![span(LOADER, "read", [40.0, 100.0], 0)], [40.0, 1.0]),
+        ("loaders after their last wish", vec![span(LOADER, "read", [0.0, 60.0], 0)], [40.0, 1.0]),
+    ];
+    for (cause, events, [ms, count]) in cases {
+        let other = json!({ "ph": "M", "name": "thread_name", "pid": 1, "tid": 3, "args": { "name": "loader 1" } });
+        let two = events.iter().any(|event| event["tid"] == 3);
+        let other = if two { &[other][..] } else { &[] };
+        let events = [&[round()], &events[..], other].concat();
+        let summary = Summary::of(&file(&events)).expect("a trace");
+        let [stall] = &summary.stalls[..] else { panic!("{cause}: {:?}", summary.stalls) };
+        assert_eq!((&*stall.cause, stall.count as f64), (cause, count));
+        assert!((stall.ms - ms).abs() < 1e-6, "{cause}: {} ms", stall.ms);
+    }
+    // A loader that never had a wish waited for its first all along.
+    let idle = Summary::of(&file(&[round()])).expect("a trace");
+    assert_eq!(idle.stalls.len(), 1);
+    let stall = &idle.stalls[0];
+    assert_eq!((&*stall.cause, stall.ms), ("loaders for their first wish", 100.0));
 }
 
 #[test]

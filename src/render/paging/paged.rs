@@ -157,7 +157,8 @@ impl Paged {
             }
             None => Loading::new(vec![source], limits)?,
         };
-        if trace.is_some() {
+        if let Some(trace) = &trace {
+            trace.loaders(limits.loaders);
             loading.keep_jobs();
             residency.tell_use(gpu)?;
         }
