@@ -39,6 +39,8 @@ mod sample_rates;
 mod scene_changes;
 #[path = "paging/substitute.rs"]
 mod substitute;
+#[path = "paging/topologies.rs"]
+mod topologies;
 #[path = "paging/two_queues.rs"]
 mod two_queues;
 #[path = "paging/worlds.rs"]

@@ -4,6 +4,7 @@ mod features;
 mod interaction;
 mod octree;
 mod overhead;
+mod overlap;
 mod pacing;
 mod paging;
 mod sample;
@@ -25,6 +26,7 @@ pub struct Arguments {
 #[derive(Subcommand)]
 enum Bench {
     Overhead(overhead::Arguments),
+    Overlap(Box<overlap::Arguments>),
     Octree(octree::Arguments),
     Upload(upload::Arguments),
     Paging(paging::Arguments),
@@ -40,6 +42,7 @@ enum Bench {
 pub fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.bench {
         Bench::Overhead(arguments) => overhead::run(arguments),
+        Bench::Overlap(arguments) => overlap::run(arguments),
         Bench::Octree(arguments) => octree::run(arguments),
         Bench::Upload(arguments) => upload::run(arguments),
         Bench::Paging(arguments) => paging::run(arguments),

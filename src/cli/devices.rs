@@ -6,7 +6,7 @@ use serde::Serialize;
 use crate::cli::output::{print, print_json};
 use crate::cli::scene_flags::shader_compiler;
 use crate::error::{Error, Result};
-use crate::gpu::{DeviceFacts, DeviceRequest, Gpu, Instance, Validation};
+use crate::gpu::{DeviceFacts, DeviceRequest, Gpu, Instance, QueueTopology, Validation};
 use crate::study::sampler_precision::{SamplerError, sampler_errors};
 
 /// List this machine's Vulkan devices, what each can do, and what it lacks, if anything.
@@ -35,6 +35,8 @@ struct Device {
     usable: bool,
     missing: Vec<String>,
     queues: Vec<Queue>,
+    /// What `--queues` may ask for.
+    topologies: Vec<&'static str>,
     image_3d_edge_max: u32,
     storage_bytes_max: u64,
     heap_bytes: u64,
@@ -61,7 +63,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let mut devices = Vec::new();
     for facts in facts {
         let sampler = if facts.missing.is_empty() {
-            let request = DeviceRequest { choice: Some(facts.index.to_string()), presents: false };
+            let request =
+                DeviceRequest { choice: Some(facts.index.to_string()), ..DeviceRequest::default() };
             sampler_errors(&Gpu::open(&instance, &request)?, &shader_compiler())?
         } else {
             Vec::new()
@@ -104,6 +107,7 @@ fn device(facts: DeviceFacts, sampler: Vec<SamplerError>) -> Device {
                 copy_granularity: queue.copy_granularity,
             })
             .collect(),
+        topologies: QueueTopology::offered(&facts.queues).iter().map(|of| of.name()).collect(),
         image_3d_edge_max: facts.image_3d_edge_max,
         storage_bytes_max: facts.storage_bytes_max,
         heap_bytes: facts.heap_bytes,
@@ -137,6 +141,7 @@ fn describe(device: &Device) -> Result<()> {
             queue.copy_granularity
         ))?;
     }
+    print(format_args!("   --queues {}\n", device.topologies.join(", ")))?;
     for sampler in &device.sampler {
         print(format_args!(
             "   sampler on {}: wrong by up to {:.1e} of the value range{}\n",

@@ -10,7 +10,7 @@ use crate::cli::load::{load_scene, load_scene_for_reference};
 use crate::cli::paging_flags::PagingFlags;
 use crate::cli::reading::Reading;
 use crate::error::{Error, Exit, Result};
-use crate::gpu::{DeviceRequest, Gpu, Instance, ShaderCompiler, Validation};
+use crate::gpu::{DeviceRequest, Gpu, Instance, QueueTopology, ShaderCompiler, Validation};
 use crate::passes::SOURCES;
 use crate::render::{Layout, LayoutChoice, SceneData, Settings};
 use crate::scene::Overrides;
@@ -137,16 +137,31 @@ pub struct DeviceFlags {
     /// Index in `ashfall devices`, or part of the name; default: the most capable one.
     #[arg(long, env = "ASHFALL_DEVICE", help_heading = "Device")]
     device: Option<String>,
+    /// Which queues rendering and copies get: one-queue, two-queues (of one family), transfer-family (shared
+    /// concurrently), ownership (the upload buffer is handed over; needs the placed copy path), auto (a family that
+    /// only copies, else a second queue, else the same). `ashfall devices` says what a device offers.
+    #[arg(long, value_name = "TOPOLOGY", default_value = "auto", value_parser = topology, help_heading = "Device")]
+    queues: QueueTopology,
+    /// Upload buffers that staging_mib is cut into, which the host fills in turns: 2 or 3.
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u8).range(2..=3), help_heading = "Device")]
+    staging_halves: u8,
     /// Let the validation layers watch, synchronization included; any message ends with exit code 1.
     #[arg(long, help_heading = "Device")]
     pub validate: bool,
+}
+
+fn topology(text: &str) -> std::result::Result<QueueTopology, String> {
+    let all = std::iter::once(QueueTopology::Auto).chain(QueueTopology::ALL);
+    all.into_iter().find(|of| of.name() == text).ok_or_else(|| {
+        "expected auto, one-queue, two-queues, transfer-family or ownership".to_owned()
+    })
 }
 
 impl DeviceFlags {
     /// Opens the device.
     pub fn open(&self) -> Result<Arc<Gpu>> {
         let validation = if self.validate { Validation::On } else { Validation::Off };
-        let request = DeviceRequest { choice: self.device.clone(), presents: false };
+        let request = self.request(false);
         Gpu::open(&Instance::new(validation)?, &request)
     }
 
@@ -154,8 +169,17 @@ impl DeviceFlags {
     #[cfg(feature = "viewer")]
     pub fn open_for_windows(&self) -> Result<Arc<Gpu>> {
         let validation = if self.validate { Validation::On } else { Validation::Off };
-        let request = DeviceRequest { choice: self.device.clone(), presents: true };
+        let request = self.request(true);
         Gpu::open(&Instance::for_windows(validation)?, &request)
+    }
+
+    fn request(&self, presents: bool) -> DeviceRequest {
+        DeviceRequest {
+            choice: self.device.clone(),
+            presents,
+            queues: self.queues,
+            three_halves: self.staging_halves == 3,
+        }
     }
 
     /// Whatever validation said is a bug of ours.

@@ -73,6 +73,13 @@ impl<'r> Recorder<'r> {
                 size[axis] > 0
                     && start[axis].checked_add(size[axis]).is_some_and(|e| e <= spec.size[axis])
             });
+            let grain = self.queue_facts();
+            if inside && grain.is_some_and(|queue| !queue.may_copy(start, size, spec.size)) {
+                misuse(format_args!(
+                    "a copy of {size:?} texels at {start:?} of {} is finer than its queue copies",
+                    spec.name
+                ));
+            }
             let end = buffer_offset.checked_add(region.texels() * texel_bytes);
             let Some(end) = end.filter(|end| inside && *end <= source.bytes()) else {
                 misuse(format_args!("copy outside of {} or {}", source.name(), spec.name));

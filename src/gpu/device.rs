@@ -22,6 +22,7 @@ use crate::gpu::resources::ImageFormat;
 use crate::gpu::resources::ImageSpec;
 use crate::gpu::retirement::{Orphan, Retired, Uses};
 use crate::gpu::roles::{Role, RoleKind, TimePoint};
+use crate::gpu::topology::QueueTopology;
 use crate::gpu::turns::Turns;
 
 /// Which device is wanted.
@@ -31,6 +32,10 @@ pub struct DeviceRequest {
     pub choice: Option<String>,
     /// Whether it is to show pictures in windows.
     pub presents: bool,
+    /// Which queues the roles get.
+    pub queues: QueueTopology,
+    /// Three staging halves in place of two: the host fills one while a copy runs and another waits.
+    pub three_halves: bool,
 }
 
 /// An open device. Cheap to clone; everything made of it keeps it alive.
@@ -48,6 +53,8 @@ pub struct Gpu {
     /// Whether shaders may store into formats beyond Vulkan's first list.
     stores_extended: bool,
     queues: [(u32, u32); RoleKind::COUNT],
+    topology: QueueTopology,
+    staging_halves: u64,
     roles: [OnceLock<Role>; RoleKind::COUNT],
     pub(crate) turns: Arc<Turns>,
     allocator: Mutex<Option<gpu_allocator::vulkan::Allocator>>,
@@ -78,12 +85,8 @@ impl Gpu {
                 facts.missing.join(", ")
             )));
         }
-        let queues = assign_roles(&facts.queues).ok_or_else(|| {
-            Error::machine(format!(
-                "device \"{}\" has no queue that runs compute shaders",
-                facts.name
-            ))
-        })?;
+        let queues =
+            request.queues.assign(&facts.queues).ok_or_else(|| not_offered(request, &facts))?;
         let features = Features::used(instance, physical);
         let stores_extended = features.core.shader_storage_image_extended_formats == vk::TRUE;
         let calibrated = calibration::offered(instance, physical);
@@ -119,6 +122,8 @@ impl Gpu {
             census: Census::default(),
             ledger: Ledger::default(),
             queues,
+            topology: request.queues,
+            staging_halves: if request.three_halves { 3 } else { 2 },
             roles: [const { OnceLock::new() }; RoleKind::COUNT],
             turns: Arc::default(),
             allocator: Mutex::new(Some(allocator)),
@@ -169,6 +174,33 @@ impl Gpu {
     /// Whether the roles share one queue.
     pub fn roles_share_queue(&self) -> bool {
         self.queues[0] == self.queues[1]
+    }
+
+    /// As it was asked for.
+    pub fn topology(&self) -> QueueTopology {
+        self.topology
+    }
+
+    /// Upload buffers that staging goes around by.
+    pub fn staging_halves(&self) -> u64 {
+        self.staging_halves
+    }
+
+    /// Submits of a role whose commands may wait or run at once. Of the transfer role as many as there are staging
+    /// halves; of the render role a round, and the placing of the batches that the host can fill beside it: each half
+    /// takes one, the first is copied at once, so that its half takes another; the next needs the second copied, which
+    /// waits for the first to be placed, which waits for the round.
+    pub fn in_flight_max(&self, role: RoleKind) -> usize {
+        match role {
+            RoleKind::Render => self.staging_halves as usize + 2,
+            RoleKind::Transfer => self.staging_halves as usize,
+        }
+    }
+
+    /// What a role's queue can do.
+    pub(crate) fn queue_facts(&self, role: RoleKind) -> Option<&QueueFacts> {
+        let family = self.queues[role.index()].0;
+        self.facts.queues.iter().find(|queue| queue.family == family)
     }
 
     /// Families that touch resources used by both roles.
@@ -361,6 +393,21 @@ impl Drop for Gpu {
     }
 }
 
+fn not_offered(request: &DeviceRequest, facts: &DeviceFacts) -> Error {
+    let offered: Vec<_> =
+        QueueTopology::offered(&facts.queues).iter().map(|of| of.name()).collect();
+    let lacks = request.queues.lacks(&facts.queues).unwrap_or("nobody knows why");
+    Error::machine(match offered.is_empty() {
+        true => format!("device \"{}\" cannot be used: {lacks}", facts.name),
+        false => format!(
+            "device \"{}\" does not offer --queues {}: {lacks}; it offers {}",
+            facts.name,
+            request.queues.name(),
+            offered.join(", ")
+        ),
+    })
+}
+
 fn enumerate(instance: &Instance) -> Result<Vec<(vk::PhysicalDevice, DeviceFacts)>> {
     // SAFETY: the instance is alive.
     let devices = unsafe { instance.raw.enumerate_physical_devices() }
@@ -406,25 +453,6 @@ fn choose(
         })
 }
 
-/// Queue family and index for render and transfer: a family of its own for copies where there is
-/// one, else a second queue, else the same queue.
-fn assign_roles(queues: &[QueueFacts]) -> Option<[(u32, u32); RoleKind::COUNT]> {
-    let render = queues
-        .iter()
-        .filter(|queue| queue.compute && queue.count > 0)
-        .max_by_key(|queue| (queue.graphics, std::cmp::Reverse(queue.family)))?;
-    // A family that copies whole images only cannot place bricks.
-    let copies_only = queues.iter().find(|queue| {
-        queue.transfer && !queue.compute && !queue.graphics && queue.copy_granularity == [1, 1, 1]
-    });
-    let other_compute = queues.iter().find(|queue| queue.compute && queue.family != render.family);
-    let transfer = match copies_only.or(other_compute) {
-        Some(queue) => (queue.family, 0),
-        None => (render.family, u32::from(render.count > 1)),
-    };
-    Some([(render.family, 0), transfer])
-}
-
 fn open_device(
     instance: &Instance,
     physical: vk::PhysicalDevice,
@@ -460,36 +488,4 @@ fn open_device(
     // SAFETY: every pointer in `info` lives until the call returns; features and extensions were checked.
     unsafe { instance.raw.create_device(physical, &info, None) }
         .map_err(|why| vulkan_failed("opening the Vulkan device", why))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn family(family: u32, count: u32, compute: bool, graphics: bool) -> QueueFacts {
-        QueueFacts {
-            family,
-            count,
-            compute,
-            graphics,
-            transfer: true,
-            timestamp_bits: 64,
-            copy_granularity: [1, 1, 1],
-        }
-    }
-
-    #[test]
-    fn copies_get_a_family_of_their_own_where_there_is_one() {
-        let both = [family(0, 1, true, true), family(1, 2, false, false)];
-        assert_eq!(assign_roles(&both), Some([(0, 0), (1, 0)]));
-        assert_eq!(assign_roles(&[family(0, 2, true, true)]), Some([(0, 0), (0, 1)]));
-        assert_eq!(assign_roles(&[family(0, 1, true, true)]), Some([(0, 0), (0, 0)]));
-        assert_eq!(assign_roles(&[family(0, 1, false, false)]), None);
-    }
-
-    #[test]
-    fn a_family_that_copies_whole_images_only_is_passed_over() {
-        let whole = QueueFacts { copy_granularity: [0; 3], ..family(1, 1, false, false) };
-        assert_eq!(assign_roles(&[family(0, 1, true, true), whole]), Some([(0, 0), (0, 0)]));
-    }
 }

@@ -34,6 +34,7 @@ mod roles;
 mod shader;
 mod staging;
 mod timestamps;
+mod topology;
 mod turns;
 pub mod two_queues;
 #[cfg(feature = "viewer")]
@@ -63,6 +64,7 @@ pub use roles::{RoleKind, TimePoint};
 pub use shader::{Shader, ShaderCompiler, ShaderSources, Variant};
 pub use staging::{Place, Staging};
 pub use timestamps::{StepTicks, SubmitTimes, Timestamps};
+pub use topology::QueueTopology;
 pub use turns::Turn;
 #[cfg(feature = "viewer")]
 pub use window::WindowSurface;

@@ -20,6 +20,20 @@ pub enum StepKind {
     Prepare,
     /// The host reads after the submit.
     HostRead,
+    /// A buffer is given to another role.
+    Release {
+        /// The buffer's name.
+        buffer: &'static str,
+        /// Who gets it.
+        to: RoleKind,
+    },
+    /// A buffer that was released is taken.
+    Acquire {
+        /// The buffer's name.
+        buffer: &'static str,
+        /// Who gave it.
+        from: RoleKind,
+    },
 }
 
 /// What a step does with a slot; to this room a slot is a number, whose owner adds the events.
@@ -67,6 +81,8 @@ pub struct StepRecord {
     pub kind: StepKind,
     /// Resource names and how they are used.
     pub accesses: Vec<(&'static str, Access)>,
+    /// Names of those resources that belong to one role at a time.
+    pub handed_over: Vec<&'static str>,
     /// Bytes of buffers that copies read and write; a buffer that is not named here is used whole.
     pub regions: Vec<(&'static str, Range<u64>, Access)>,
     /// Barriers before the step, with the resource's name.

@@ -12,7 +12,9 @@ use crate::error::Result;
 use crate::gpu::access::{Access, Barrier, ResourceId};
 use crate::gpu::copies::{BufferRegion, ImageRegion};
 use crate::gpu::device::Gpu;
+use crate::gpu::device_facts::QueueFacts;
 use crate::gpu::dispatch::Dispatch;
+use crate::gpu::misuse::misuse;
 use crate::gpu::pipeline::{ComputePipeline, Descriptor};
 use crate::gpu::record::{Record, StepKind, StepRecord, Submitted};
 use crate::gpu::resources::{Buffer, Image, Life};
@@ -60,6 +62,12 @@ pub(crate) enum Work<'r> {
         bytes: u64,
         value: u32,
     },
+    /// A buffer goes from one role to another; on the first's queue or the second's.
+    HandOver {
+        target: &'r Buffer,
+        from: RoleKind,
+        to: RoleKind,
+    },
     /// Nothing but the barrier that sets an image's layout.
     Prepare,
     HostRead,
@@ -80,6 +88,11 @@ impl<'r> Recorder<'r> {
         Recorder { gpu: gpu.clone(), role, timestamps, steps: Vec::new(), unguarded: None }
     }
 
+    /// What its queue can do.
+    pub(crate) fn queue_facts(&self) -> Option<QueueFacts> {
+        self.gpu.queue_facts(self.role).copied()
+    }
+
     /// Starts a compute step; it is recorded by [`Dispatch::threads`].
     pub fn compute<'a>(&'a mut self, pipeline: &'r ComputePipeline) -> Dispatch<'a, 'r> {
         Dispatch::new(self, pipeline)
@@ -93,6 +106,24 @@ impl<'r> Recorder<'r> {
             uses: vec![Use::whole(&buffer.life, Access::HostRead)],
             keeps: Vec::new(),
         });
+    }
+
+    /// Gives a buffer that belongs to one role at a time to another, after all that this submit did with it.
+    pub fn release(&mut self, buffer: &'r Buffer, to: RoleKind) {
+        self.hand_over("release", buffer, self.role, to);
+    }
+
+    /// Takes a buffer that another role released; the submit has to wait for that one's.
+    pub fn acquire(&mut self, buffer: &'r Buffer, from: RoleKind) {
+        self.hand_over("acquire", buffer, from, self.role);
+    }
+
+    fn hand_over(&mut self, label: &'static str, target: &'r Buffer, from: RoleKind, to: RoleKind) {
+        if !target.life.handed_over || from == to {
+            misuse(format_args!("{} is not handed over", target.name()));
+        }
+        let work = Work::HandOver { target, from, to };
+        self.steps.push(Step { label, work, uses: Vec::new(), keeps: vec![&target.life] });
     }
 
     /// Leaves out the barriers before steps of this label: a planted fault, for tests that show it
@@ -138,6 +169,7 @@ impl<'r> Recorder<'r> {
                 pipeline.used(point);
             }
         }
+        let role_kind = self.role;
         let steps = self.steps.into_iter().zip(barriers).map(|(step, barriers)| StepRecord {
             label: step.label,
             kind: match step.work {
@@ -147,7 +179,16 @@ impl<'r> Recorder<'r> {
                 Work::Fill { .. } => StepKind::Fill,
                 Work::Prepare => StepKind::Prepare,
                 Work::HostRead => StepKind::HostRead,
+                Work::HandOver { target, from, to } if from == role_kind => {
+                    StepKind::Release { buffer: target.name(), to }
+                }
+                Work::HandOver { target, from, .. } => {
+                    StepKind::Acquire { buffer: target.name(), from }
+                }
             },
+            handed_over: (step.uses.iter().filter(|used| used.life.handed_over))
+                .map(|used| used.life.name)
+                .collect(),
             accesses: step.uses.iter().map(|used| (used.life.name, used.access)).collect(),
             regions: step.uses.iter().flat_map(Use::regions).collect(),
             barriers,

@@ -109,12 +109,14 @@ pub struct ImageSpec {
 pub(crate) struct Life {
     pub id: ResourceId,
     pub name: &'static str,
+    /// It belongs to one role at a time, and is handed over.
+    pub handed_over: bool,
     uses: [AtomicU64; RoleKind::COUNT],
 }
 
 impl Life {
     pub fn new(gpu: &Gpu, name: &'static str) -> Life {
-        Life { id: gpu.new_resource(), name, uses: Default::default() }
+        Life { id: gpu.new_resource(), name, handed_over: false, uses: Default::default() }
     }
 
     pub fn used(&self, point: TimePoint) {
@@ -167,11 +169,26 @@ impl Buffer {
     /// # Errors
     /// Exit code 4 when the device has no memory left.
     pub fn new(gpu: &Arc<Gpu>, spec: &BufferSpec) -> Result<Buffer> {
+        Buffer::shared(gpu, spec, &gpu.families())
+    }
+
+    /// Makes a buffer that belongs to one role at a time: who has it may use it, until it is released to the other
+    /// role and acquired there. A role that only writes all of it anew may take it without: what it held is lost then
+    /// (Vulkan 1.3 specification, section 7.7.4).
+    ///
+    /// # Errors
+    /// As [`Buffer::new`].
+    pub fn handed_over(gpu: &Arc<Gpu>, spec: &BufferSpec) -> Result<Buffer> {
+        let mut buffer = Buffer::shared(gpu, spec, &[])?;
+        buffer.life.handed_over = true;
+        Ok(buffer)
+    }
+
+    fn shared(gpu: &Arc<Gpu>, spec: &BufferSpec, families: &[u32]) -> Result<Buffer> {
         if spec.bytes == 0 {
             misuse(format_args!("buffer {} of no bytes", spec.name));
         }
-        let families = gpu.families();
-        let info = Buffer::info(spec, &families);
+        let info = Buffer::info(spec, families);
         // SAFETY: `info` and `families` live until the call returns.
         let handle = unsafe { gpu.device.create_buffer(&info, None) }
             .map_err(|why| vulkan_failed(&format!("creating buffer {}", spec.name), why))?;
@@ -200,6 +217,11 @@ impl Buffer {
         };
         bound.map_err(|why| vulkan_failed("binding buffer memory", why))?;
         Ok(buffer)
+    }
+
+    /// Whether it belongs to one role at a time, [`Buffer::handed_over`].
+    pub fn is_handed_over(&self) -> bool {
+        self.life.handed_over
     }
 
     /// Size in bytes, as asked for.

@@ -31,18 +31,6 @@ impl RoleKind {
         }
     }
 
-    /// Submits whose commands may wait or run at once. Of the transfer role as many as there are staging
-    /// halves; of the render role a round, and the placing of the three batches that the host can fill
-    /// beside it: the first two have a half each, the first is copied at once, so that its half takes the
-    /// third; a fourth needs the second copied, which waits for the first to be placed, which waits for
-    /// the round.
-    pub const fn in_flight_max(self) -> usize {
-        match self {
-            RoleKind::Render => 4,
-            RoleKind::Transfer => 2,
-        }
-    }
-
     pub(crate) const fn index(self) -> usize {
         self as usize
     }

@@ -1,4 +1,4 @@
-//! Two staging halves: the host fills one while the transfer role copies from the other. One, where
+//! Two staging halves, or three: the host fills one while the transfer role copies from the others. One, where
 //! there is but one copy.
 
 use std::sync::Arc;
@@ -15,13 +15,13 @@ use crate::gpu::resources::{Buffer, BufferSpec, Image};
 use crate::gpu::roles::{RoleKind, TimePoint};
 use crate::gpu::timestamps::{SubmitTimes, Timestamps};
 
-/// Two host-visible upload buffers, swapped after each submit.
+/// Two or three host-visible upload buffers, which take turns after each submit.
 ///
 /// Stage any number of copies, each to a target named by its index, then [`Staging::flush`] with the
 /// targets: no target is borrowed before that.
 pub struct Staging {
     gpu: Arc<Gpu>,
-    /// Two, or one.
+    /// Three, two, or one.
     halves: Vec<Half>,
     current: usize,
     copy_ms: f64,
@@ -87,11 +87,12 @@ const STEPS_MAX: usize = 64;
 const ALIGNMENT_BYTES: u64 = 16;
 
 impl Staging {
-    /// The buffers that staging of `half_bytes` each consists of: one for a single copy, else two.
-    pub fn specs(half_bytes: u64, copies: u64) -> Vec<BufferSpec> {
-        let halves = ["staging_half_0", "staging_half_1"].into_iter();
+    /// The buffers that staging of `half_bytes` each consists of: one for a single copy, else as many as the device
+    /// was opened with, [`Gpu::staging_halves`].
+    pub fn specs(gpu: &Gpu, half_bytes: u64, copies: u64) -> Vec<BufferSpec> {
+        let halves = ["staging_half_0", "staging_half_1", "staging_half_2"].into_iter();
         let half = |name| BufferSpec { name, bytes: half_bytes, home: MemoryHome::Upload };
-        halves.take(if copies > 1 { 2 } else { 1 }).map(half).collect()
+        halves.take(copies.clamp(1, gpu.staging_halves()) as usize).map(half).collect()
     }
 
     /// Makes both halves.
@@ -120,7 +121,7 @@ impl Staging {
         };
         Ok(Staging {
             gpu: gpu.clone(),
-            halves: Staging::specs(half_bytes, copies)
+            halves: Staging::specs(gpu, half_bytes, copies)
                 .into_iter()
                 .map(half)
                 .collect::<Result<_>>()?,
@@ -261,6 +262,10 @@ impl Staging {
                 }
                 missing => misuse(format_args!("{missing:?} is staged, but not given to flush")),
             }
+        }
+        // What is read by the other role is its own from now on; it comes back to be written anew, without its bytes.
+        for buffer in buffers.iter().filter(|buffer| buffer.is_handed_over()) {
+            recorder.release(buffer, RoleKind::Render);
         }
         let mut submitted = recorder.submit(waits)?;
         submitted.record.host = std::mem::take(&mut self.host);

@@ -9,6 +9,8 @@
 //! - The host's waits likewise; its own events and submits come one after another.
 //! - On one role, a recorded barrier on the same resource whose stages and accesses fit, or several
 //!   in a chain. Order of submission alone orders nothing.
+//! - A resource that belongs to one role at a time is used by the role that has it: from its first use or a copy
+//!   into it, which asks for nothing that it held, until it is released, and from being acquired on.
 //!
 //! # Assumptions
 //! Names stand for resources: no two share one. Slots begin unused: the list holds every event of
@@ -16,6 +18,7 @@
 
 mod fault;
 mod hazards;
+mod ownership;
 mod slots;
 mod timeline;
 
@@ -33,6 +36,7 @@ pub fn check(records: &[Record]) -> Vec<Fault> {
     };
     let mut hazards = hazards::Hazards::new(&timeline);
     let mut slots = slots::Slots::default();
+    let mut ownership = ownership::Ownership::default();
     for moment in timeline.moments() {
         match *moment {
             Moment::Host(index) => hazards.host(index, &records[index]),
@@ -41,6 +45,7 @@ pub fn check(records: &[Record]) -> Vec<Fault> {
                 for step in &records[index].steps {
                     hazards.step(clock, &records[index], step);
                     slots.step(clock, &records[index], step);
+                    ownership.step(clock, &records[index], step);
                 }
                 hazards.forget_settled(records[index].role, clock);
             }
@@ -48,5 +53,6 @@ pub fn check(records: &[Record]) -> Vec<Fault> {
     }
     let mut faults = hazards.faults;
     faults.extend(slots.faults);
+    faults.extend(ownership.faults);
     faults
 }

@@ -7,7 +7,7 @@ use std::time::Instant;
 use ash::vk;
 
 use crate::error::Result;
-use crate::gpu::access::Barrier;
+use crate::gpu::access::{Access, Barrier};
 use crate::gpu::census::ObjectKind;
 use crate::gpu::device::Gpu;
 use crate::gpu::instance::{c_string, vulkan_failed};
@@ -48,7 +48,7 @@ pub(crate) fn submit(
     let mut labels = Vec::new();
     for (step, barriers) in steps.iter().zip(barriers) {
         write_barriers(gpu, commands, step, barriers);
-        let idle = matches!(step.work, Work::HostRead | Work::Prepare);
+        let idle = matches!(step.work, Work::HostRead | Work::Prepare | Work::HandOver { .. });
         let measured = timestamps.filter(|_| !idle);
         if let Some(timestamps) = measured {
             let query = 2 * labels.len() as u32;
@@ -59,7 +59,7 @@ pub(crate) fn submit(
             // SAFETY: the query was reset above.
             unsafe { device.cmd_write_timestamp2(commands, stage, timestamps.pool, query) };
         }
-        write_step(gpu, commands, step)?;
+        write_step(gpu, role, commands, step)?;
         if let Some(timestamps) = measured {
             let query = 2 * labels.len() as u32 + 1;
             let stage = vk::PipelineStageFlags2::ALL_COMMANDS;
@@ -115,7 +115,7 @@ pub(crate) fn submit(
 /// submit has ended: how many there are depends on the number of submits, never on timing.
 fn free_command_buffer(gpu: &Gpu, role: &Role) -> Result<vk::CommandBuffer> {
     let mut known = role.command_buffers.lock().unwrap_or_else(PoisonError::into_inner);
-    if known.len() >= role.kind.in_flight_max() {
+    if known.len() >= gpu.in_flight_max(role.kind) {
         let (oldest, value) = known.remove(0);
         role.wait(&gpu.device, value)?;
         return Ok(oldest);
@@ -177,7 +177,7 @@ fn write_barriers(
     unsafe { gpu.device.cmd_pipeline_barrier2(commands, &info) };
 }
 
-fn write_step(gpu: &Gpu, commands: vk::CommandBuffer, step: &Step) -> Result<()> {
+fn write_step(gpu: &Gpu, role: &Role, commands: vk::CommandBuffer, step: &Step) -> Result<()> {
     let device = &gpu.device;
     if matches!(step.work, Work::HostRead | Work::Prepare) {
         return Ok(());
@@ -190,6 +190,32 @@ fn write_step(gpu: &Gpu, commands: vk::CommandBuffer, step: &Step) -> Result<()>
     }
     match &step.work {
         Work::HostRead | Work::Prepare => {}
+        Work::HandOver { target, from, to } => {
+            let (release, acquire) = (Access::CopyWrite, Access::ShaderRead);
+            let all = vk::PipelineStageFlags2::ALL_COMMANDS;
+            let none = vk::AccessFlags2::NONE;
+            // Chained to the semaphore between both: it covers all commands on either side.
+            let (before, after) = match *from == role.kind {
+                true => ((release.stage(), release.mask()), (all, none)),
+                false => ((all, none), (acquire.stage(), acquire.mask())),
+            };
+            let [from, to] = [from, to].map(|role| gpu.queue_of(*role).0);
+            // Within one family there is nothing to hand over.
+            let families = if from == to { [vk::QUEUE_FAMILY_IGNORED; 2] } else { [from, to] };
+            let barriers = [vk::BufferMemoryBarrier2::builder()
+                .src_stage_mask(before.0)
+                .src_access_mask(before.1)
+                .dst_stage_mask(after.0)
+                .dst_access_mask(after.1)
+                .src_queue_family_index(families[0])
+                .dst_queue_family_index(families[1])
+                .buffer(target.handle)
+                .size(vk::WHOLE_SIZE)
+                .build()];
+            let info = vk::DependencyInfo::builder().buffer_memory_barriers(&barriers);
+            // SAFETY: the array lives until the call returns; the buffer is alive.
+            unsafe { device.cmd_pipeline_barrier2(commands, &info) };
+        }
         Work::Dispatch { pipeline, bound, push, groups } => {
             let set = pipeline.set(bound)?;
             let compute = vk::PipelineBindPoint::COMPUTE;

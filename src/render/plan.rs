@@ -322,7 +322,7 @@ impl Plan {
         let samples_of_ray_max = checked_samples(paging.samples_of_ray_max())?;
         let dispatches = dispatches_of(samples_of_ray_max, settings, paging.turns_of_block());
         let (picture, tile, tiles) = tiles_of(scene, settings);
-        let specs = paging.buffers(pixels_of(tile));
+        let specs = paging.buffers(gpu, pixels_of(tile));
         let buffers = planned_buffers(gpu, specs);
         let images: Vec<PlannedImage> = paging
             .residency

@@ -42,8 +42,9 @@ pub(super) fn plan_buffers(
     let row_bytes = |image: &PlannedImage| u64::from(image.size[0]) * image.spec.format.bytes();
     if let Some(largest) = images.iter().map(image_bytes).max() {
         let row = images.iter().map(row_bytes).max().unwrap_or(1);
-        let half = ((data.scene.memory.staging_mib << 20) / 2).min(largest).max(row);
-        specs.extend(Staging::specs(half, copies_of(images, half)));
+        let half =
+            ((data.scene.memory.staging_mib << 20) / gpu.staging_halves()).min(largest).max(row);
+        specs.extend(Staging::specs(gpu, half, copies_of(images, half)));
     }
     planned_buffers(gpu, specs)
 }
@@ -99,7 +100,7 @@ pub(super) fn objects(
     let halves = buffers.iter().filter(|b| b.name.starts_with("staging_half_")).count() as u64;
     let (buffers, images) = (buffers.len() as u64, images.len() as u64);
     let transfers = u64::from(images > 0);
-    let in_flight = |role: RoleKind| role.in_flight_max() as u64;
+    let in_flight = |role: RoleKind| gpu.in_flight_max(role) as u64;
     let timed = |role| u64::from(gpu.has_timestamps(role));
     let counts = [
         (ObjectKind::Buffer, buffers),

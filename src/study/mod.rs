@@ -17,6 +17,7 @@ pub mod octree_leaves;
 pub mod octree_price;
 pub mod octree_scenes;
 pub mod overhead;
+pub mod overlap;
 pub mod pacing;
 pub mod perceptual;
 pub mod reload;

@@ -343,7 +343,7 @@ impl Way {
                 };
                 let placements = Placing::placements_spec(bricks.atlas.slot_count() as usize);
                 let pipelines = vec![ComputePipeline::new(gpu, shader)?];
-                Some(Placing::new(gpu, &upload, &placements, pipelines)?)
+                Some(Placing::new(gpu, &upload, &placements, pipelines, false)?)
             }
         };
         let spec = ImageSpec { stored: placing.is_some(), ..bricks.atlas.spec };

@@ -46,8 +46,13 @@ pub fn no_device(sentence: &str) {
 /// The device that `ASHFALL_DEVICE` names, else one that is a CPU: results that are compared bit by
 /// bit must not come from another device unnoticed.
 pub fn open() -> Option<(Arc<Gpu>, Arc<Instance>)> {
+    open_as(DeviceRequest::default())
+}
+
+/// The same device, opened as `request` says.
+pub fn open_as(request: DeviceRequest) -> Option<(Arc<Gpu>, Arc<Instance>)> {
     let choice = std::env::var("ASHFALL_DEVICE").ok();
-    let request = DeviceRequest { choice: choice.clone(), presents: false };
+    let request = DeviceRequest { choice: choice.clone(), ..request };
     let opened = Instance::new(Validation::On)
         .and_then(|instance| Ok((Gpu::open(&instance, &request)?, instance)));
     let (gpu, instance) = match opened {

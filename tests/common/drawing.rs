@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use ashfall::gpu::{Gpu, Record, ShaderCompiler};
+use ashfall::gpu::{DeviceRequest, Gpu, Record, ShaderCompiler};
 use ashfall::import::DenseVolume;
 use ashfall::passes::SOURCES;
 use ashfall::render::{Picture, Plan, Renderer, SceneData, Settings, Statistics, VolumeData};
@@ -29,7 +29,12 @@ pub struct Drawn {
 impl Device {
     /// Opens the device that tests run on, as [`device::open`] does.
     pub fn open() -> Option<Device> {
-        let (gpu, _) = device::open()?;
+        Device::open_as(DeviceRequest::default())
+    }
+
+    /// The same, as `request` says.
+    pub fn open_as(request: DeviceRequest) -> Option<Device> {
+        let (gpu, _) = device::open_as(request)?;
         let cache = std::env::temp_dir().join("ashfall-test-spirv");
         Some(Device { gpu, compiler: ShaderCompiler::new(SOURCES, Some(cache)) })
     }

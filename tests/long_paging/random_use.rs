@@ -120,7 +120,8 @@ fn run(seconds: u64, drawings: u64, watched: bool) {
         let choice = std::env::var("ASHFALL_DEVICE").ok();
         drop(gpu);
         instance = Instance::new(Validation::Off).expect("as before");
-        gpu = Gpu::open(&instance, &DeviceRequest { choice, presents: false }).expect("as before");
+        gpu = Gpu::open(&instance, &DeviceRequest { choice, ..DeviceRequest::default() })
+            .expect("as before");
     }
     let cache = std::env::temp_dir().join("ashfall-test-spirv");
     // What the GLSL compiler needs it keeps: the first stretch compiles, so that no later one is first.

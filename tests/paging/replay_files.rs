@@ -91,7 +91,7 @@ fn a_run_is_recorded_and_replayed_by_flags() {
     assert_eq!(twice.code, Some(2), "{}", twice.stderr);
     // What is drawn directly has no rounds; nothing is left of the file that was asked for.
     let other = folder.path("direct.json");
-    let direct = ashfall(&[
+    let direct = ashfall([
         "render",
         scene.to_str().expect("UTF-8"),
         "-o",

@@ -141,13 +141,13 @@ fn real_drawings_of_two_atlases_have_no_fault() {
     device.finish();
 }
 
-fn said(faults: &[Fault]) -> Vec<String> {
+pub fn said(faults: &[Fault]) -> Vec<String> {
     faults.iter().map(Fault::to_string).collect()
 }
 
 /// Plants a fault in a copy of the records at every place where `plant` finds one; how many there were,
 /// and how many of them `check` finds as what `expected` says.
-fn planted(
+pub fn planted(
     records: &[Record],
     mut plant: impl FnMut(&mut Vec<Record>, usize) -> bool,
     expected: impl Fn(&Fault) -> bool,
@@ -167,7 +167,7 @@ fn step_with(record: &mut Record, kind: SlotEvent) -> Option<&mut ashfall::gpu::
     record.steps.iter_mut().find(|step| step.slots.iter().any(|(event, _)| *event == kind))
 }
 
-fn all_found(what: &str, (places, found): (usize, usize)) {
+pub fn all_found(what: &str, (places, found): (usize, usize)) {
     println!("{what}: {found} of {places} found");
     assert!(places > 0, "{what}: planted nowhere");
     assert_eq!(found, places, "{what}");

@@ -21,6 +21,7 @@ pub fn step(label: &'static str, accesses: &[(&'static str, Access)]) -> StepRec
         label,
         kind: StepKind::Dispatch([1; 3]),
         accesses: accesses.to_vec(),
+        handed_over: Vec::new(),
         regions: Vec::new(),
         barriers: Vec::new(),
         slots: Vec::new(),

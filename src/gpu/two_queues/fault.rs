@@ -132,6 +132,24 @@ pub enum Fault {
         /// The second.
         second: Where,
     },
+    /// A role acquires what the other has not released to it before.
+    AcquiredUnreleased {
+        /// Name of the buffer.
+        resource: &'static str,
+        /// Who acquires.
+        acquire: Where,
+        /// What last happened to it.
+        release: Option<Where>,
+    },
+    /// A role uses what belongs to the other, or to nobody.
+    UsedUnowned {
+        /// Name of the buffer.
+        resource: &'static str,
+        /// Who uses it.
+        used: Where,
+        /// What last happened to it.
+        last: Option<Where>,
+    },
     /// A wait that never ends.
     NeverSignalled {
         /// Who waits.
@@ -155,6 +173,10 @@ pub enum Fault {
 
 fn point_text(point: TimePoint) -> String {
     format!("{} {}", point.role.name(), point.value)
+}
+
+fn last_text(last: Option<Where>) -> String {
+    last.map_or(String::new(), |at| format!(": the last to touch it is {at}"))
 }
 
 impl fmt::Display for Where {
@@ -218,6 +240,16 @@ impl fmt::Display for Fault {
             Fault::GrantedTwice { slot, first, second } => write!(
                 f,
                 "slot {slot} is granted by {first} and by {second}, but not published in between"
+            ),
+            Fault::AcquiredUnreleased { resource, acquire, release } => write!(
+                f,
+                "{resource} is acquired by {acquire}, and no release to it came before{}",
+                last_text(*release)
+            ),
+            Fault::UsedUnowned { resource, used, last } => write!(
+                f,
+                "{resource} is used by {used}, whose role does not have it{}",
+                last_text(*last)
             ),
             Fault::NeverSignalled { waiter, point } => {
                 write!(f, "{waiter} waits for {}, which nobody signals", point_text(*point))

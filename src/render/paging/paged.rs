@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use crate::error::Result;
 use crate::gpu::{
-    Buffer, ComputePipeline, Gpu, Place, Record, Shader, SlotEvent, Staging, TimePoint,
+    Buffer, ComputePipeline, Gpu, Place, QueueTopology, Record, Shader, SlotEvent, Staging,
+    TimePoint,
 };
 use crate::loading::{Delivery, Loading, LoadingLimits};
 use crate::passes::cache_buffers::RankOrder;
@@ -193,6 +194,7 @@ impl Paged {
                     (9 + usize::from(plan.other_bricks.is_some())..shaders.len())
                         .map(pipeline)
                         .collect::<Result<_>>()?,
+                    whole.settings.paging.hands_over || gpu.topology() == QueueTopology::Ownership,
                 )?),
             },
             loading,

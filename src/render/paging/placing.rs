@@ -45,7 +45,8 @@ impl Placing {
         BufferSpec { name: "placements", bytes: bytes as u64, home: MemoryHome::Upload }
     }
 
-    /// Makes both buffers; `pipelines` are the pass's, one per atlas.
+    /// Makes both buffers; `pipelines` are the pass's, one per atlas. `hands_over`: the upload buffer belongs to one
+    /// role at a time.
     ///
     /// # Errors
     /// Exit code 4 when the device has no memory left.
@@ -54,8 +55,13 @@ impl Placing {
         upload: &BufferSpec,
         placements: &BufferSpec,
         pipelines: Vec<Arc<ComputePipeline>>,
+        hands_over: bool,
     ) -> Result<Placing> {
-        let (upload, placements) = (Buffer::new(gpu, upload)?, Ring::new(gpu, placements)?);
+        let upload = match hands_over {
+            true => Buffer::handed_over(gpu, upload)?,
+            false => Buffer::new(gpu, upload)?,
+        };
+        let placements = Ring::new(gpu, placements)?;
         Ok(Placing { upload, placements, pipelines, free: 0, placed_at: None })
     }
 
@@ -85,6 +91,9 @@ impl Placing {
             start..start + (count * size_of::<Placement>()) as u64
         };
         let mut recorder = Recorder::new(gpu, RoleKind::Render, None);
+        if self.upload.is_handed_over() {
+            recorder.acquire(&self.upload, RoleKind::Transfer);
+        }
         for ((atlas, slots), first) in by_atlas.iter().zip(&firsts) {
             let of_atlas = &placements[*first..][..slots.len()];
             let texels = of_atlas.iter().map(|placement| placement.size.iter().product());
@@ -107,7 +116,8 @@ impl Placing {
         }
         let mut submitted = recorder.submit(&[copied])?;
         submitted.record.host = host;
-        let steps = submitted.record.steps.iter_mut().zip(by_atlas);
+        let places = submitted.record.steps.iter_mut().filter(|step| step.label != "acquire");
+        let steps = places.zip(by_atlas);
         for ((step, (atlas, slots)), first) in steps.zip(firsts) {
             let (name, read) = (self.placements.buffer().name(), bytes_of(first, slots.len()));
             step.regions.push((name, read, Access::ShaderRead));

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
-use crate::gpu::{BufferSpec, Gpu, Image, MemoryHome, Staging, Variant};
+use crate::gpu::{BufferSpec, Gpu, Image, MemoryHome, QueueTopology, Staging, Variant};
 use crate::passes::brick_shape::{AtlasShape, BrickShape, OctreeShape};
 use crate::passes::cache_buffers::{RankOrder, RankShape};
 use crate::passes::march_shape::{ChannelShape, MacrocellUse, Shape};
@@ -246,7 +246,7 @@ impl PagingPlan {
         let brick_bytes = (texels * texel).next_multiple_of(16);
         let half = match settings.paging.staging_bricks {
             Some(bricks) => brick_bytes * u64::from(bricks.max(1)),
-            None => (scene.memory.staging_mib << 20) / 2,
+            None => (scene.memory.staging_mib << 20) / gpu.staging_halves(),
         };
         let all_slots = brick_bytes * u64::from(residency.slots());
         Ok(PagingPlan {
@@ -278,7 +278,7 @@ impl PagingPlan {
     }
 
     /// Every buffer.
-    pub fn buffers(&self, rays_count: u64) -> Vec<BufferSpec> {
+    pub fn buffers(&self, gpu: &Gpu, rays_count: u64) -> Vec<BufferSpec> {
         let spec = |name, bytes, home| BufferSpec { name, bytes, home };
         let of = |count: usize, bytes: usize| (count * bytes) as u64;
         let per_ray = |bytes: usize| rays_count * bytes as u64;
@@ -308,7 +308,7 @@ impl PagingPlan {
             specs.push(Placing::placements_spec(self.residency.slots() as usize));
         }
         specs.extend(self.residency.buffers());
-        specs.extend(Staging::specs(self.staging_half_bytes, u64::MAX));
+        specs.extend(Staging::specs(gpu, self.staging_half_bytes, u64::MAX));
         specs
     }
 
@@ -502,7 +502,20 @@ fn atlases_of(
     let (_, slot) = description.brick(description.brick_largest());
     let slot = slot.to_array();
     let can_place = formats.iter().all(|format| gpu.stores(*format));
+    let hands_over = settings.paging.hands_over || gpu.topology() == QueueTopology::Ownership;
     let placed = match settings.paging.copy_path {
+        Some(CopyPath::Straight) if hands_over => {
+            return Err(Error::arguments(
+                "--copy-path straight: --queues ownership hands an upload buffer over, which bricks are placed from: leave one out",
+            ));
+        }
+        None if hands_over && !can_place => {
+            return Err(Error::machine(format!(
+                "--queues ownership: device \"{}\" has shaders store into no such images: use transfer-family",
+                gpu.facts().name
+            )));
+        }
+        None if hands_over => true,
         Some(CopyPath::Placed) if !can_place => {
             return Err(Error::machine(format!(
                 "--copy-path placed: device \"{}\" has shaders store into no such images: use straight",

@@ -79,6 +79,9 @@ pub struct PagingSettings {
     pub loaders: Option<u32>,
     /// How voxels come into a slot; nothing: straight where copies into images are fast.
     pub copy_path: Option<CopyPath>,
+    /// Whether the upload buffer of the placed path is handed from role to role also where both use one family: to
+    /// test and to measure what topology `ownership` does. It has the placed path.
+    pub hands_over: bool,
     /// Whether a round waits for what it asked.
     pub lockstep: bool,
     /// Whether pictures are tinted by what rays met.
@@ -111,6 +114,7 @@ impl Default for PagingSettings {
             staging_bricks: None,
             loaders: None,
             copy_path: None,
+            hands_over: false,
             lockstep: true,
             show_states: false,
             marks: true,
