@@ -108,8 +108,6 @@ impl Drop for Guard {
 impl Trace {
     /// An empty one that begins now.
     pub fn new(gpu: &Arc<Gpu>, options: TraceOptions) -> Arc<Trace> {
-        #[cfg(feature = "tracy")]
-        tracy::start();
         let (gpu, start) = (gpu.clone(), Instant::now());
         Arc::new(Trace { gpu, options, start, filled: Mutex::default() })
     }

@@ -147,6 +147,8 @@ fn wasted_bytes_are_those_of_the_wasted_bricks() {
 fn each_cause_of_a_stall_is_told_by_its_name() {
     let round = || span(LOOP, "round", [0.0, 100.0], 0);
     let busy = || span(LOADER, "read", [0.0, 100.0], 0);
+    // As the file has them: 0.7 and 0.1 are less than 0.8.
+    let read = |ts: f64, dur: f64| json!({ "ph": "X", "name": "read", "pid": 1, "tid": 2, "ts": ts, "dur": dur });
     let cases = [
         ("host for the device", vec![span(LOOP, "wait", [10.0, 50.0], 0), busy()], [40.0, 1.0]),
         ("rendering for bricks", vec![span(LOOP, "load", [10.0, 50.0], 0), busy()], [40.0, 1.0]),
@@ -174,7 +176,9 @@ fn each_cause_of_a_stall_is_told_by_its_name() {
         (
             "loaders for wishes",
             vec![
-                span(LOADER, "read", [0.0, 10.1], 0),
+                read(0.0, 0.7),
+                read(0.7, 0.1),
+                read(0.8, 10_099.2),
                 span(LOADER, "decode", [10.1, 20.2], 0),
                 span(LOADER, "inspect", [20.2, 30.3], 0),
                 span(LOADER, "survey", [70.3, 80.0], 0),
