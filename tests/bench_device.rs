@@ -262,10 +262,8 @@ fn features_are_priced_by_taking_them_away() {
     assert!(saved("tiles", "memory_bytes") < 0, "a larger tile takes more");
 }
 
-#[test]
-fn a_trace_is_priced_by_equal_pictures() {
-    let folder = Folder::in_memory();
-    let scene = r#"format = 1
+/// Two views of a small computed volume.
+const SHELLS: &str = r#"format = 1
 [[volume]]
 name = "shells"
 source = { computed = "shells", size = [64, 64, 64] }
@@ -285,8 +283,58 @@ target = [32.0, 32.0, 32.0]
 up = [0.0, 1.0, 0.0]
 fov_degrees = 36.0
 "#;
-    std::fs::write(folder.path("shells.toml"), scene).unwrap();
+
+#[test]
+fn every_way_of_travel_draws_the_same_bytes() {
+    let folder = Folder::in_memory();
     let scene = folder.path("shells.toml");
+    std::fs::write(&scene, SHELLS).unwrap();
+    let small = ["--size", "24x20", "--level-max", "0", "--views", "3", "--repeats", "1"];
+    let table = figures(&[&["overlap", scene.to_str().unwrap()], &small[..]].concat());
+    let rows = table["rows"].as_array().unwrap();
+    assert!(rows.len() >= 6, "two or three halves, three paths: {table}");
+    for row in rows {
+        assert!(is_spread(&row["ms"]) && is_spread(&row["over_first"]), "{row}");
+        assert!(row["bricks"].as_u64().unwrap() > 3, "{row}");
+        if row["queues"] == "one-queue" && !row["overlap"].is_null() {
+            assert_eq!(row["overlap"]["median"], 0.0, "one queue has no overlap: {row}");
+        }
+    }
+    assert_eq!(table["pictures"].as_str().unwrap().len(), 16);
+    let not_run = table["not_run"].as_array().unwrap();
+    let lavapipe = table["driver"].as_str().unwrap().contains("llvmpipe");
+    assert!(!not_run.is_empty() && (!lavapipe || not_run.len() == 4), "{table}");
+}
+
+#[test]
+fn pacing_says_what_frames_took_and_gave_up() {
+    let folder = Folder::in_memory();
+    let scene = folder.path("shells.toml");
+    std::fs::write(&scene, SHELLS).unwrap();
+    let out = folder.path("out");
+    let small = ["--size", "24x20", "--budgets", "4,64", "--repeats", "1", "--disk-ms", "0.5"];
+    let more = [scene.to_str().unwrap(), "-o", out.to_str().unwrap()];
+    let table = figures(&[&["pacing"], &more[..], &small[..]].concat());
+    let steps = table["steps"].as_array().unwrap();
+    assert_eq!(steps.len(), 15, "three ways, five parts of the path");
+    for step in steps {
+        let number = |key: &str| step[key].as_f64().unwrap_or_else(|| panic!("{key} of {step}"));
+        assert!(number("frames") >= 1.0 && number("ms") > 0.0, "{step}");
+        assert!(number("p95_ms") <= number("p99_ms") && number("p99_ms") <= number("worst_ms"));
+        assert!((0.0..=1.0).contains(&number("over_target")), "{step}");
+    }
+    let csv = std::fs::read_to_string(out.join("pacing.csv")).unwrap();
+    let columns = csv.lines().next().unwrap().split(',').count();
+    assert!(csv.lines().count() > 80 && csv.lines().all(|line| line.split(',').count() == columns));
+    let svg = std::fs::read_to_string(out.join("pacing.svg")).unwrap();
+    assert!(svg.contains("sudden zoom") && svg.contains("paced") && !svg.contains("NaN"));
+}
+
+#[test]
+fn a_trace_is_priced_by_equal_pictures() {
+    let folder = Folder::in_memory();
+    let scene = folder.path("shells.toml");
+    std::fs::write(&scene, SHELLS).unwrap();
     let small = ["--size", "24x20", "--level-max", "0", "--atlas-slots", "4", "--repeats", "2"];
     let price = figures(&[&["trace", scene.to_str().unwrap()], &small[..]].concat());
     for key in ["off_ms", "on_ms", "ratio", "wall_ratio", "noise"] {
@@ -323,6 +371,9 @@ fn wrong_words_are_wrong_arguments() {
         &["paging", "--order", "any"],
         &["features", "--size", "large"],
         &["features", "--repeats", "0"],
+        &["overlap", "missing.toml", "--views", "0"],
+        &["pacing", "missing.toml", "--frame-ms", "0"],
+        &["pacing", "missing.toml", "--budgets", "0"],
     ] {
         assert_eq!(bench(arguments).status.code(), Some(2), "{arguments:?}");
     }

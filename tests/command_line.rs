@@ -355,6 +355,55 @@ fn plans_as_json() {
     );
 }
 
+/// What a device offers draws the same bytes; what it does not is refused with what it does.
+#[test]
+fn queue_topologies_are_drawn_with_or_refused() {
+    let folder = Folder::new("queues");
+    // Bricks of one value would not travel.
+    let source = r#"computed = "marschner-lobb", size = [40, 40, 40]"#;
+    let text = SCENE.replace(r#"computed = "constant", size = [4, 4, 4]"#, source);
+    let scene = folder.write("scene.toml", text.replace("[2.0, 2.0,", "[20.0, 20.0,"));
+    let render = |topology: &str| {
+        let picture = folder.path(&format!("{topology}.exr"));
+        let stats = folder.path("stats.json");
+        let flags = ["--view", "front", "--addressing", "paged", "--free-running", "--queues"];
+        let mut arguments = vec![OsStr::new("render"), scene.as_os_str()];
+        arguments.extend(flags.iter().map(OsStr::new));
+        arguments.extend([OsStr::new(topology), OsStr::new("-o"), picture.as_os_str()]);
+        arguments.extend([OsStr::new("--stats"), stats.as_os_str()]);
+        ashfall(arguments)
+    };
+    assert_eq!(render("three-queues").code, Some(2));
+    let auto = render("auto");
+    if auto.code == Some(4) {
+        return no_device(&auto);
+    }
+    assert_eq!(auto.code, Some(0), "{}", auto.stderr);
+    let stats = std::fs::read_to_string(folder.path("stats.json")).expect("written");
+    let stats: Value = serde_json::from_str(&stats).expect("JSON");
+    assert!(stats["bytes_uploaded"].as_u64() > Some(0), "nothing was copied: {stats}");
+    let report = json(&ashfall(["devices", "--json"]));
+    let devices = report["devices"].as_array().expect("a list");
+    let lists = devices.iter().map(|device| device["topologies"].as_array().expect("a list"));
+    let lists: Vec<Vec<&str>> =
+        lists.map(|list| list.iter().filter_map(Value::as_str).collect()).collect();
+    assert!(lists.iter().any(|list| list.contains(&"one-queue")), "{report}");
+    for topology in ["one-queue", "two-queues", "transfer-family", "ownership"] {
+        let run = render(topology);
+        if run.code == Some(0) {
+            assert!(lists.iter().any(|list| list.contains(&topology)), "{topology}: {report}");
+            let of = |name: &str| std::fs::read(folder.path(&format!("{name}.exr"))).expect("read");
+            assert!(of(topology) == of("auto"), "{topology} draws other bytes");
+        } else {
+            let sentence = run.sentence().expect("one sentence");
+            assert_eq!(run.code, Some(4), "{sentence}");
+            assert!(sentence.contains(&format!("--queues {topology}")), "{sentence}");
+            assert!(sentence.contains("it offers one-queue"), "{sentence}");
+            assert!(lists.iter().any(|list| !list.contains(&topology)), "{topology}: {report}");
+        }
+    }
+}
+
 #[test]
 fn exr_pictures_come_back_bit_by_bit() {
     let folder = Folder::new("exr");

@@ -382,7 +382,7 @@ mod tests {
         let command = Arguments::augment_args(Command::new("study"));
         let of_a_suite =
             ["output", "suite", "theme", "case", "bound_factor", "integrators", "json"];
-        let of_both = ["device", "validate"];
+        let of_both = ["device", "queues", "staging_halves", "validate"];
         let wanted = of_a_suite.iter().chain(&of_both).chain(&suite::OF_A_SCENE);
         let mut wanted: Vec<_> = wanted.map(|id| id.to_string()).collect();
         let mut found: Vec<_> =

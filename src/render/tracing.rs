@@ -71,8 +71,7 @@ impl Paged {
     }
 
     /// Says how long staging waited for a half that a copy still read.
-    pub(super) fn trace_half_wait(&mut self) {
-        let waited = self.staging.take_wait();
+    pub(super) fn trace_half_wait(&self, waited: Option<[Instant; 2]>) {
         if let (Some(trace), Some(times)) = (&self.trace, waited) {
             trace.span(Track::Host, "wait for half", times, Details::None);
         }

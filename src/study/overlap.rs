@@ -88,6 +88,8 @@ pub struct OverlapTable {
     pub device: String,
     /// Driver name and version.
     pub driver: String,
+    /// What times are by: "wall".
+    pub clock: &'static str,
     /// Pixels across and down.
     pub size: [u32; 2],
     /// Views of the orbit.
@@ -153,6 +155,7 @@ pub fn measure(
     Ok(OverlapTable {
         device: facts.name,
         driver: facts.driver,
+        clock: "wall",
         size: data.scene.picture.size,
         views: effort.views,
         repeats: effort.repeats,

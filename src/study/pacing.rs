@@ -92,6 +92,8 @@ pub struct PacingTable {
     pub device: String,
     /// Driver name and version.
     pub driver: String,
+    /// What times are by: "wall".
+    pub clock: &'static str,
     /// Pixels across and down.
     pub size: [u32; 2],
     /// What a frame was to take, ms.
@@ -168,6 +170,7 @@ pub fn measure(
     Ok(PacingTable {
         device: gpu.facts().name.clone(),
         driver: gpu.facts().driver.clone(),
+        clock: "wall",
         size: data.scene.picture.size,
         target_ms: effort.frame_ms,
         repeats: effort.repeats,

@@ -1,9 +1,9 @@
 //! How much a round may upload, and how coarse a picture that moves has to be, so that rounds keep to a time.
 //!
-//! A round takes `base + slope * bricks`: rays and host, and what a brick costs beside them. Both are followed by
-//! a Kalman filter over rounds, whose base may jump where a view begins; copies' times from the transfer queue and
-//! staging's from the host bound the slope from below. The budget leaves room for the spread of what was measured,
-//! so that nineteen of twenty rounds are to hold, not the mean.
+//! A round takes what rays take, by the render queue's timestamps, and `host + slope * bricks` beside them. The
+//! latter two are followed by a Kalman filter over rounds; copies' times from the transfer queue and staging's from the
+//! host bound the slope on both sides, since rounds that are all alike do not tell one from the other. The budget
+//! leaves room for the spread of what was measured, so that nineteen of twenty rounds are to hold, not the mean.
 //!
 //! # Units
 //! Milliseconds; bricks.
@@ -117,8 +117,11 @@ pub struct Pacer {
     target_ms: f64,
     now: Rung,
     line: Option<Line>,
-    /// Of rays alone.
+    /// Of rays alone, and the square of what rounds go beyond it; 0 without timestamps.
     render_ms: f64,
+    render_noise: f64,
+    /// A view begins, of whose rays nothing is known.
+    jumped: bool,
     /// What rays cost at each rung, as a part of the finest's.
     costs: [f64; LADDER.len()],
     /// The rung of before, and the rays' time there, until a round was measured at this one.
@@ -138,6 +141,8 @@ impl Pacer {
             now: Rung::FINEST,
             line: None,
             render_ms: 0.0,
+            render_noise: 0.0,
+            jumped: true,
             costs: LADDER.map(Rung::samples),
             stepped: None,
             brick_ms_min: 0.0,
@@ -155,7 +160,8 @@ impl Pacer {
     pub fn begin_view(&mut self) {
         self.periods_ms.clear();
         self.uploads_least = UPLOADS_MAX;
-        if let Some(line) = &mut self.line {
+        self.jumped = true;
+        if let Some(line) = self.line.as_mut().filter(|_| self.render_ms == 0.0) {
             line.jumps();
         }
     }
@@ -178,11 +184,22 @@ impl Pacer {
             self.costs[0] = 1.0;
             self.render_ms = of.render_ms;
         }
-        let newer = if self.render_ms > 0.0 { 0.5 } else { 1.0 };
-        self.render_ms += newer * (of.render_ms - self.render_ms);
+        if std::mem::take(&mut self.jumped) {
+            self.render_ms = of.render_ms;
+            self.render_noise = (NOISE_MIN * of.render_ms).powi(2);
+        } else {
+            let beyond = (of.render_ms - self.render_ms).max(NOISE_MIN * of.render_ms);
+            // What the system held up for long is no reason to expect the next to be.
+            let beyond = beyond.min(0.5 * self.render_ms);
+            self.render_noise += 0.15 * (beyond * beyond - self.render_noise);
+            self.render_ms += 0.5 * (of.render_ms - self.render_ms);
+        }
+        let rest_ms = (of.period_ms - of.render_ms).max(0.0);
+        let one = self.brick_ms_min;
+        let slopes = if one > 0.0 { [one, SLOPE_OVER * one] } else { [0.0, f64::INFINITY] };
         match &mut self.line {
-            None => self.line = Some(Line::first(of.period_ms, bricks)),
-            Some(line) => line.observe(bricks, of.period_ms, self.brick_ms_min),
+            None => self.line = Some(Line::first(rest_ms, bricks)),
+            Some(line) => line.observe(bricks, rest_ms, slopes),
         }
         self.periods_ms.push(of.period_ms);
         self.uploads_least = self.uploads_least.min(self.uploads_max());
@@ -191,10 +208,11 @@ impl Pacer {
     /// Bricks that the next round may upload.
     pub fn uploads_max(&self) -> u32 {
         let Some(line) = &self.line else { return UPLOADS_FIRST };
-        let room = self.target_ms - line.base - SPREAD * line.spread();
+        let base = self.render_ms + line.base;
+        let room = self.target_ms - base - SPREAD * (self.render_noise + line.spread()).sqrt();
         // Rays that take as long as the target, or longer: there is nothing to hold.
-        let beyond = (10.0 * (line.base / self.target_ms - 0.9)).clamp(0.0, 1.0);
-        let room = room.max(beyond * BEYOND_TARGET * line.base);
+        let beyond = (10.0 * (base / self.target_ms - 0.9)).clamp(0.0, 1.0);
+        let room = room.max(beyond * BEYOND_TARGET * base);
         let least = self.periods_ms.len() % PROBE_EVERY == PROBE_EVERY - 1;
         let room = if least { room * PROBE_PART } else { room };
         ((room / line.slope) as u32).clamp(UPLOADS_MIN, UPLOADS_MAX)
@@ -208,19 +226,21 @@ impl Pacer {
         }
         let ratio = self.costs[rung.index()] / self.costs[from.index()];
         self.stepped = Some((from, self.render_ms));
-        if let Some(line) = &mut self.line {
-            let rays_ms = self.render_ms.min(line.base);
-            line.base += rays_ms * (ratio - 1.0);
+        match &mut self.line {
+            // Without timestamps rays are the most of it.
+            Some(line) if self.render_ms == 0.0 => line.base *= ratio,
+            _ => self.render_ms *= ratio,
         }
-        self.render_ms *= ratio;
     }
 
     /// How coarse the next picture should be while something moves: as good as the target allows.
     pub fn rung(&self) -> Rung {
         let Some(line) = &self.line else { return LADDER[2] };
         let now = self.costs[self.now.index()];
-        let rays_ms = if self.render_ms > 0.0 { self.render_ms.min(line.base) } else { line.base };
-        let host_ms = line.base - rays_ms;
+        let [rays_ms, host_ms] = match self.render_ms > 0.0 {
+            true => [self.render_ms, line.base],
+            false => [line.base, 0.0],
+        };
         let fits = |rung: &Rung| {
             let cost = self.costs[rung.index()];
             let ms = host_ms + rays_ms * cost / now;
@@ -247,7 +267,7 @@ impl Pacer {
             p99_ms: of(0.99),
             worst_ms: of(1.0),
             uploads_max: [self.uploads_least.min(self.uploads_max()), self.uploads_max()],
-            base_ms: self.line.as_ref().map_or(0.0, |line| line.base),
+            base_ms: self.line.as_ref().map_or(0.0, |line| self.render_ms + line.base),
             brick_ms: self.line.as_ref().map_or(0.0, |line| line.slope),
         }
     }
@@ -268,6 +288,9 @@ struct Line {
 
 /// Milliseconds that a brick is taken to cost before any was measured.
 const SLOPE_FIRST: f64 = 0.25;
+/// A brick costs at most so many times what copying and staging it were measured to take: loaders take from rays' cores
+/// what nobody measures.
+const SLOPE_OVER: f64 = 8.0;
 /// Part of base and slope that they may drift by from one round to the next.
 const DRIFT: f64 = 0.05;
 /// Part of the base by which it may jump where a view begins.
@@ -286,8 +309,8 @@ impl Line {
         self.jumped = true;
     }
 
-    /// `slope_min`: no brick costs less.
-    fn observe(&mut self, bricks: f64, ms: f64, slope_min: f64) {
+    /// `slopes`: no brick costs less, and none more.
+    fn observe(&mut self, bricks: f64, ms: f64, slopes: [f64; 2]) {
         let [mut of_base, mut of_both, mut of_slope] = self.variance;
         let drift = if std::mem::take(&mut self.jumped) { JUMP } else { DRIFT };
         of_base += (drift * self.base).powi(2);
@@ -296,7 +319,7 @@ impl Line {
         let with_base = of_base + of_both * bricks;
         let with_slope = of_both + of_slope * bricks;
         let expected = with_base + with_slope * bricks;
-        let least = (NOISE_MIN * self.base).powi(2).max(1e-6);
+        let least = (NOISE_MIN * self.base).powi(2).max(1e-4);
         let all = expected + self.noise;
         let [gain_base, gain_slope] = [with_base / all, with_slope / all];
         self.base += gain_base * off;
@@ -313,12 +336,12 @@ impl Line {
             self.noise = (0.85 * self.noise + 0.15 * surprise).max(least);
         }
         self.base = self.base.max(0.0);
-        self.slope = self.slope.max(slope_min).max(1e-3);
+        self.slope = self.slope.clamp(slopes[0], slopes[1]).max(1e-3);
     }
 
-    /// Standard deviation of a round's time where few bricks come.
+    /// Variance of a round's time where few bricks come.
     fn spread(&self) -> f64 {
-        (self.variance[0].max(0.0) + self.noise).sqrt()
+        self.variance[0].max(0.0) + self.noise
     }
 }
 
@@ -340,7 +363,7 @@ mod tests {
                 *wanted -= bricks;
                 let wobble = 1.0 + 0.03 * f64::from(round * 7919 % 13) / 13.0;
                 let period_ms = ms(bricks) * wobble;
-                let of_bricks = 0.05 * f64::from(bricks);
+                let of_bricks = 0.25 * (ms(bricks) - ms(0));
                 pacer.learn(&Measured {
                     period_ms,
                     render_ms: ms(0),

@@ -1,7 +1,7 @@
 //! Every object of a paged scene, and how bricks come into its atlases.
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::error::Result;
 use crate::gpu::{
@@ -257,11 +257,14 @@ impl Paged {
         let fill =
             |target: &mut [u8]| write_texels(voxels, judge.format, size, &judge.layout, target);
         let staged = self.staging.stage_with(place, bytes, fill)?;
-        self.trace_half_wait();
+        let waited = self.staging.take_wait();
+        self.trace_half_wait(waited);
         if staged {
             self.staged.push(StagedBrick { id, slot, bytes, atlas, placement });
             if let (Some(pace), Some(begun)) = (&mut self.pace, begun) {
-                pace.staged(begun.elapsed());
+                // Waiting for the device is not the host's work.
+                let waited = waited.map_or(Duration::ZERO, |[from, to]| to - from);
+                pace.staged(begun.elapsed().saturating_sub(waited));
             }
             self.trace_bricks(std::iter::once((id, BrickStep::Staged)));
             if let Some(placing) = &mut self.placing {

@@ -272,6 +272,7 @@ impl Rounds<'_, '_> {
     fn take_report(&mut self, point: TimePoint) -> Result<Report> {
         let _span = self.renderer.span("report");
         self.renderer.add_times(self.statistics);
+        self.paged.staging.measure_ended()?;
         let report = self.paged.residency.report()?;
         let report = self.script_report(report)?;
         if self.renderer.plan.settings.paging.keep_records {
