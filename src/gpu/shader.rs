@@ -1,5 +1,6 @@
 //! Shader variants: GLSL and macro definitions in, SPIR-V out, cached on disk by content.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -51,7 +52,12 @@ pub struct ShaderCompiler {
     cache: Option<PathBuf>,
     // Made at the first miss: starting shaderc takes longer than reading the cache.
     shaderc: Mutex<Option<shaderc::Compiler>>,
+    /// By the key of their files: a change of scene asks for all of its variants again.
+    known: Mutex<HashMap<u128, Shader>>,
 }
+
+/// Variants kept in memory at most: some hundred KB each.
+const KNOWN_MAX: usize = 256;
 
 /// Raised when compile options change, so that old cache entries are not taken for new ones.
 const CACHE_VERSION: u32 = 1;
@@ -61,7 +67,7 @@ const CACHE_CHECK_BYTES: usize = 16;
 impl ShaderCompiler {
     /// A compiler over embedded sources; `cache` is a folder, made when needed.
     pub fn new(sources: &'static ShaderSources, cache: Option<PathBuf>) -> ShaderCompiler {
-        ShaderCompiler { sources, cache, shaderc: Mutex::new(None) }
+        ShaderCompiler { sources, cache, shaderc: Mutex::new(None), known: Mutex::default() }
     }
 
     /// The usual cache folder of this user, if the environment names one.
@@ -80,6 +86,10 @@ impl ShaderCompiler {
     /// Exit code 1 when our own GLSL does not compile (a bug), with the compiler's words.
     pub fn compile(&self, variant: &Variant) -> Result<Shader> {
         let key = self.key(variant)?;
+        let known = || self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(shader) = known().get(&key) {
+            return Ok(shader.clone());
+        }
         let file = self.cache.as_ref().map(|folder| folder.join(format!("{key:032x}.spv")));
         let cached = file.as_deref().and_then(read_cached);
         let spirv = match cached {
@@ -95,7 +105,13 @@ impl ShaderCompiler {
         };
         let reflection = Reflection::of(&spirv)
             .map_err(|why| bug(format!("shader {}: {why}", variant.shader)))?;
-        Ok(Shader { variant: variant.clone(), spirv, reflection })
+        let shader = Shader { variant: variant.clone(), spirv, reflection };
+        let mut known = known();
+        if known.len() == KNOWN_MAX {
+            known.clear();
+        }
+        known.insert(key, shader.clone());
+        Ok(shader)
     }
 
     fn source(&self, name: &str) -> Result<&'static str> {
@@ -199,7 +215,11 @@ mod tests {
         for file in &files {
             std::fs::write(file, b"damaged beyond recognition").expect("write");
         }
-        assert_eq!(compiler.compile(&variant).expect("compiles anew").spirv, first.spirv);
-        std::fs::remove_dir_all(folder).expect("clean up");
+        let another = ShaderCompiler::new(SOURCES, Some(folder.clone()));
+        assert_eq!(another.compile(&variant).expect("compiles anew").spirv, first.spirv);
+        // What a compiler knows it needs no file for.
+        std::fs::remove_dir_all(&folder).expect("clean up");
+        assert_eq!(compiler.compile(&variant).expect("known").spirv, first.spirv);
+        assert!(!folder.exists(), "compiled again");
     }
 }

@@ -209,14 +209,14 @@ impl Staging {
         let new_target = !half.targets.contains(&place.target());
         let room = !new_target || half.targets.len() < STEPS_MAX;
         let Some(end) = end.filter(|_| room) else { return Ok(false) };
-        if half.staged.is_empty() {
-            if let Some(point) = half.read_until {
-                let begin = Instant::now();
-                self.gpu.wait(point)?;
-                self.copy_ms += half.measure(&mut self.times)?;
-                self.waited = Some([begin, Instant::now()]);
-                self.host.push(HostEvent::Waited(point));
-            }
+        if half.staged.is_empty()
+            && let Some(point) = half.read_until
+        {
+            let begin = Instant::now();
+            self.gpu.wait(point)?;
+            self.copy_ms += half.measure(&mut self.times)?;
+            self.waited = Some([begin, Instant::now()]);
+            self.host.push(HostEvent::Waited(point));
         }
         half.buffer.write_with(half.free, bytes, fill)?;
         self.host.push(HostEvent::Wrote { buffer: half.buffer.name(), range: half.free..end });

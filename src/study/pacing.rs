@@ -334,6 +334,7 @@ impl<'a> Along<'a> {
 
     /// Another scene is looked at, as coarse as `rung`.
     fn change(&mut self, views: [&View; 2], rung: Rung) -> Result<()> {
+        self.renderer.begin_frame();
         let mut scene = self.data.scene.clone();
         scene.views = views.map(View::clone).to_vec();
         scene.picture.size = scene.picture.size.map(|edge| edge.div_ceil(rung.wider).max(1));

@@ -249,6 +249,7 @@ impl Drawer {
             renderer.draw_at(wanted.rung);
             self.draw_views(&mut renderer, &wanted, number)?;
             let Some(next) = self.shared.next_wanted() else { return Ok(None) };
+            renderer.begin_frame();
             let plan = renderer.plan();
             let change = self
                 .data

@@ -10,8 +10,10 @@ use crate::trace::Counter;
 /// A pacer, and what happened since the last picture.
 pub struct Pace {
     pacer: Pacer,
-    /// When the last picture was there.
+    /// When the last picture was there, or its work began.
     since: Instant,
+    /// It began before the view's first round.
+    begun: bool,
     /// Milliseconds of the view's passes on the render queue, and of all copies, until then.
     render_ms: f64,
     copy_ms: f64,
@@ -36,6 +38,7 @@ impl Pace {
         Pace {
             pacer: Pacer::new(target_ms),
             since: Instant::now(),
+            begun: false,
             render_ms: 0.0,
             copy_ms: 0.0,
             staging: Duration::ZERO,
@@ -85,6 +88,16 @@ impl Renderer {
         }
     }
 
+    /// Where rounds have a target: the work for the next picture begins now, with a change of scene before its
+    /// first round.
+    pub fn begin_frame(&mut self) {
+        if let Way::Paged(Some(paged)) = &mut self.way
+            && let Some(pace) = &mut paged.pace
+        {
+            (pace.since, pace.begun) = (Instant::now(), true);
+        }
+    }
+
     /// Where rounds have a target: the next pictures are as coarse as this, compared with those before.
     pub fn draw_at(&mut self, rung: Rung) {
         if let Way::Paged(Some(paged)) = &mut self.way
@@ -100,7 +113,10 @@ impl Rounds<'_, '_> {
     pub(super) fn begin_pace(&mut self) {
         let (render_ms, copy_ms) = (self.statistics.gpu_ms_total(), self.paged.staging.copy_ms());
         if let Some(pace) = &mut self.paged.pace {
-            (pace.since, pace.render_ms, pace.copy_ms) = (Instant::now(), render_ms, copy_ms);
+            if !std::mem::take(&mut pace.begun) {
+                pace.since = Instant::now();
+            }
+            (pace.render_ms, pace.copy_ms) = (render_ms, copy_ms);
             (pace.staging, pace.staged) = (Duration::ZERO, 0);
         }
     }
