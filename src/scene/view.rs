@@ -1,6 +1,6 @@
 //! Views: one camera each, and the rays of its pixels.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use crate::volume::WorldFromVoxel;
 
@@ -124,6 +124,19 @@ impl View {
             }
             Projection::Orthographic { .. } => None,
             Projection::Frustum { bounds } => Some(bounds),
+        }
+    }
+
+    /// The camera turned by so many degrees around the axis through `middle` that points up in its picture.
+    #[must_use]
+    pub fn turned(&self, middle: DVec3, degrees: f64) -> View {
+        let turn = DMat3::from_axis_angle(self.up, degrees.to_radians());
+        View {
+            eye: middle + turn * (self.eye - middle),
+            forward: turn * self.forward,
+            right: turn * self.right,
+            up: turn * self.up,
+            ..self.clone()
         }
     }
 

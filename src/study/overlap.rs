@@ -7,7 +7,6 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use glam::{DMat3, DVec3};
 use serde::Serialize;
 use xxhash_rust::xxh3::Xxh3;
 
@@ -225,18 +224,9 @@ fn row(way: Travel, turns: &[Turn], first: &[Turn]) -> OverlapRow {
 
 fn orbit(data: &SceneData, effort: &Effort) -> Result<SceneData> {
     let (middle, first) = (data.middle_world(0), &data.scene.views[0]);
-    let turned = |number: u32| {
-        let turn =
-            DMat3::from_axis_angle(first.up, (effort.degrees * f64::from(number)).to_radians());
-        let around = |of: DVec3| turn * of;
-        View {
-            name: format!("{number}"),
-            eye: middle + around(first.eye - middle),
-            forward: around(first.forward),
-            right: around(first.right),
-            up: around(first.up),
-            ..first.clone()
-        }
+    let turned = |number: u32| View {
+        name: format!("{number}"),
+        ..first.turned(middle, effort.degrees * f64::from(number))
     };
     data.again(Scene { views: (0..effort.views).map(turned).collect(), ..data.scene.clone() })
 }

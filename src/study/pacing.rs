@@ -12,7 +12,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use glam::{DMat3, DVec3};
 use serde::Serialize;
 
 use crate::error::Result;
@@ -22,6 +21,7 @@ use crate::render::{Picture, Plan, Renderer, SceneChange, SceneData, Settings};
 use crate::scene::{Scene, View};
 use crate::source::{BrickEntry, BrickSource, Description};
 use crate::study::error_metrics::picture_error;
+use crate::trace::summary::Percentiles;
 use crate::volume::BrickId;
 
 /// What is measured.
@@ -186,24 +186,21 @@ fn name_of(constant: Option<u32>) -> String {
 fn row(frames: &[FrameRow], way: String, step: &'static str, effort: &Effort) -> StepRow {
     let of_step: Vec<&FrameRow> =
         frames.iter().filter(|frame| frame.way == way && frame.step == step).collect();
-    let mut sorted: Vec<f64> = of_step.iter().map(|frame| frame.frame_ms).collect();
-    sorted.sort_by(f64::total_cmp);
-    let part = |part: f64| {
-        let at = (part * sorted.len() as f64).ceil() as usize;
-        sorted.get(at.saturating_sub(1)).copied().unwrap_or(0.0)
-    };
-    let over = sorted.iter().filter(|ms| **ms > effort.frame_ms).count();
+    let ms: Vec<f64> = of_step.iter().map(|frame| frame.frame_ms).collect();
+    let (over, all) =
+        (ms.iter().filter(|ms| **ms > effort.frame_ms).count(), ms.iter().sum::<f64>());
+    let of = Percentiles::of(ms);
     let turns = f64::from(effort.repeats.max(1));
     let db: Vec<f64> = of_step.iter().filter_map(|frame| frame.psnr_db).collect();
     StepRow {
         way,
         step,
-        frames: sorted.len() as f64 / turns,
-        ms: sorted.iter().sum::<f64>() / turns,
-        over_target: over as f64 / sorted.len().max(1) as f64,
-        p95_ms: part(0.95),
-        p99_ms: part(0.99),
-        worst_ms: part(1.0),
+        frames: of.count as f64 / turns,
+        ms: all / turns,
+        over_target: over as f64 / of.count.max(1) as f64,
+        p95_ms: of.p95,
+        p99_ms: of.p99,
+        worst_ms: of.worst,
         psnr_db: (!db.is_empty()).then(|| db.iter().sum::<f64>() / db.len() as f64),
     }
 }
@@ -277,10 +274,10 @@ impl<'a> Along<'a> {
         let middle = self.data.middle_world(0);
         let far = self.data.scene.views[0].clone();
         let near = View { eye: middle + (far.eye - middle) * ZOOM, ..far.clone() };
-        let side = turned(&near, middle, 35.0);
-        let second = turned(&near, middle, 43.0);
+        let side = near.turned(middle, 35.0);
+        let second = near.turned(middle, 43.0);
         let turning: Vec<View> = (1..=TURNING_FRAMES)
-            .map(|frame| turned(&far, middle, TURNING_DEGREES * frame as f64))
+            .map(|frame| far.turned(middle, TURNING_DEGREES * frame as f64))
             .collect();
         if finished.is_empty() {
             *finished = self.finished_pictures(&turning)?;
@@ -436,18 +433,6 @@ impl<'a> Along<'a> {
             (None, Some(round)) => Ok(round.picture),
             (None, None) => unreachable!("a drawing ends with a picture or with a round"),
         }
-    }
-}
-
-/// A view turned around an axis through the middle that points up in its picture.
-fn turned(view: &View, middle: DVec3, degrees: f64) -> View {
-    let turn = DMat3::from_axis_angle(view.up, degrees.to_radians());
-    View {
-        eye: middle + turn * (view.eye - middle),
-        forward: turn * view.forward,
-        right: turn * view.right,
-        up: turn * view.up,
-        ..view.clone()
     }
 }
 

@@ -308,7 +308,8 @@ pub(super) fn busy_us(slices: &[Slice]) -> Vec<[f64; 2]> {
 }
 
 impl Percentiles {
-    fn of(mut values: Vec<f64>) -> Percentiles {
+    /// Of these; zeros where there are none.
+    pub fn of(mut values: Vec<f64>) -> Percentiles {
         values.sort_by(f64::total_cmp);
         let last = values.len().saturating_sub(1);
         let of = |part: f64| values.get((last as f64 * part).round() as usize).copied();

@@ -14,6 +14,8 @@
 
 use serde::Serialize;
 
+use crate::trace::summary::Percentiles;
+
 /// Bricks that a round may upload at least, so that it goes on whatever the target.
 const UPLOADS_MIN: u32 = 4;
 /// Of the first round, of which nothing is known.
@@ -252,20 +254,15 @@ impl Pacer {
 
     /// What this view came to so far.
     pub fn paced(&self) -> Paced {
-        let mut sorted = self.periods_ms.clone();
-        sorted.sort_by(f64::total_cmp);
-        let of = |part: f64| {
-            let at = (part * sorted.len() as f64).ceil() as usize;
-            sorted.get(at.saturating_sub(1)).copied().unwrap_or(0.0)
-        };
-        let over = sorted.iter().filter(|ms| **ms > self.target_ms).count();
+        let of = Percentiles::of(self.periods_ms.clone());
+        let over = self.periods_ms.iter().filter(|ms| **ms > self.target_ms).count();
         Paced {
             target_ms: self.target_ms,
-            rounds: sorted.len() as u64,
+            rounds: of.count,
             over_target: over as u64,
-            p95_ms: of(0.95),
-            p99_ms: of(0.99),
-            worst_ms: of(1.0),
+            p95_ms: of.p95,
+            p99_ms: of.p99,
+            worst_ms: of.worst,
             uploads_max: [self.uploads_least.min(self.uploads_max()), self.uploads_max()],
             base_ms: self.line.as_ref().map_or(0.0, |line| self.render_ms + line.base),
             brick_ms: self.line.as_ref().map_or(0.0, |line| line.slope),

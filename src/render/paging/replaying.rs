@@ -79,18 +79,20 @@ impl Renderer {
     fn paged(&mut self) -> Result<&mut Paged> {
         match &mut self.way {
             Way::Paged(Some(paged)) => Ok(paged),
-            _ => Err(Error::arguments(
-                "--record, --replay: the volume is drawn directly and nothing is paged: add --addressing paged",
-            )),
+            _ => Err(nothing_paged()),
         }
     }
 }
 
+fn nothing_paged() -> Error {
+    Error::arguments(
+        "--record, --replay: the volume is drawn directly and nothing is paged: add --addressing paged",
+    )
+}
+
 fn recorded_of(plan: &Plan, data: &SceneData) -> Result<RecordedOf> {
     let Some(paging) = &plan.paging else {
-        return Err(Error::arguments(
-            "--record, --replay: the volume is drawn directly and nothing is paged: add --addressing paged",
-        ));
+        return Err(nothing_paged());
     };
     let scene = data.scene.to_toml(std::path::Path::new("."));
     let slots = paging.residency.atlases.iter().map(|atlas| atlas.layout.slot_count());
