@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use crate::gpu::access::Access;
 use crate::gpu::record::{Record, StepKind, StepRecord};
 use crate::gpu::roles::{RoleKind, TimePoint};
 use crate::gpu::two_queues::fault::{Fault, Where};
@@ -56,10 +57,9 @@ impl Ownership {
             _ => {
                 for name in &step.handed_over {
                     // Copies into it ask for nothing that it held.
-                    let reads = |(of, access): &(&str, crate::gpu::Access)| {
-                        of == name && !(access.writes() && *access == crate::gpu::Access::CopyWrite)
-                    };
-                    if step.accesses.iter().any(reads) {
+                    let needs =
+                        |(of, access): &(&str, Access)| of == name && *access != Access::CopyWrite;
+                    if step.accesses.iter().any(needs) {
                         self.must_own(name, record.role, at);
                     }
                     self.states.insert(*name, State::Owned(record.role, at));

@@ -81,9 +81,7 @@ impl Pace {
 impl Renderer {
     /// Where rounds have a target: from now on it is this.
     pub fn target_round(&mut self, ms: f64) {
-        if let Way::Paged(Some(paged)) = &mut self.way
-            && let Some(pace) = &mut paged.pace
-        {
+        if let Some(pace) = self.pace() {
             pace.pacer.aim_at(ms);
         }
     }
@@ -91,19 +89,22 @@ impl Renderer {
     /// Where rounds have a target: the work for the next picture begins now, with a change of scene before its
     /// first round.
     pub fn begin_frame(&mut self) {
-        if let Way::Paged(Some(paged)) = &mut self.way
-            && let Some(pace) = &mut paged.pace
-        {
+        if let Some(pace) = self.pace() {
             (pace.since, pace.begun) = (Instant::now(), true);
         }
     }
 
     /// Where rounds have a target: the next pictures are as coarse as this, compared with those before.
     pub fn draw_at(&mut self, rung: Rung) {
-        if let Way::Paged(Some(paged)) = &mut self.way
-            && let Some(pace) = &mut paged.pace
-        {
+        if let Some(pace) = self.pace() {
             pace.pacer.draw_at(rung);
+        }
+    }
+
+    fn pace(&mut self) -> Option<&mut Pace> {
+        match &mut self.way {
+            Way::Paged(Some(paged)) => paged.pace.as_mut(),
+            _ => None,
         }
     }
 }
@@ -111,20 +112,19 @@ impl Renderer {
 impl Rounds<'_, '_> {
     /// A view's first round is about to begin.
     pub(super) fn begin_pace(&mut self) {
-        let (render_ms, copy_ms) = (self.statistics.gpu_ms_total(), self.paged.staging.copy_ms());
-        if let Some(pace) = &mut self.paged.pace {
-            if !std::mem::take(&mut pace.begun) {
-                pace.since = Instant::now();
-            }
-            (pace.render_ms, pace.copy_ms) = (render_ms, copy_ms);
-            (pace.staging, pace.staged) = (Duration::ZERO, 0);
+        let Some(pace) = &mut self.paged.pace else { return };
+        if !std::mem::take(&mut pace.begun) {
+            pace.since = Instant::now();
         }
+        (pace.render_ms, pace.copy_ms) =
+            (self.statistics.gpu_ms_total(), self.paged.staging.copy_ms());
+        (pace.staging, pace.staged) = (Duration::ZERO, 0);
     }
 
     /// A round's picture is there, or would be.
     pub(super) fn learn_pace(&mut self) {
-        let (render_ms, copy_ms) = (self.statistics.gpu_ms_total(), self.paged.staging.copy_ms());
         let Some(pace) = &mut self.paged.pace else { return };
+        let (render_ms, copy_ms) = (self.statistics.gpu_ms_total(), self.paged.staging.copy_ms());
         let now = Instant::now();
         let ms = |duration: Duration| duration.as_secs_f64() * 1e3;
         pace.pacer.learn(&Measured {

@@ -192,7 +192,7 @@ impl Rounds<'_, '_> {
         }
     }
 
-    /// The same happens as was recorded, or the way parts.
+    /// The same happens as was recorded, or the way parts; it is written down where that is done.
     fn same(&mut self, event: Event, what: &str) -> Result<()> {
         if !self.is_replay() {
             return self.script(|| event);
@@ -206,17 +206,11 @@ impl Rounds<'_, '_> {
 
     /// A tile begins.
     pub(super) fn script_tile(&mut self) -> Result<()> {
-        if !self.has_script() {
-            return Ok(());
-        }
         self.same(Event::Tile(self.tile.view, self.tile.origin_pixel), "another tile")
     }
 
     /// Slots are kept for what a report asked for.
     pub(super) fn script_bound(&mut self) -> Result<()> {
-        if !self.has_script() {
-            return Ok(());
-        }
         self.same(Event::Bound, "the keeping of slots")
     }
 
